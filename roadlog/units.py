@@ -1,0 +1,93 @@
+"""Units that sources use, and their way to SI."""
+
+from __future__ import annotations
+
+import math
+
+from roadlog.errors import ConfigError, near
+
+STANDARD_GRAVITY = 9.80665  # m/s2, CODATA
+
+# unit -> (quantity, factor to SI)
+UNITS: dict[str, tuple[str, float]] = {
+    "": ("number", 1.0),
+    "-": ("number", 1.0),
+    "%": ("number", 0.01),
+    "s": ("time", 1.0),
+    "ms": ("time", 1e-3),
+    "us": ("time", 1e-6),
+    "ns": ("time", 1e-9),
+    "min": ("time", 60.0),
+    "h": ("time", 3600.0),
+    "m": ("length", 1.0),
+    "mm": ("length", 1e-3),
+    "cm": ("length", 1e-2),
+    "km": ("length", 1e3),
+    "ft": ("length", 0.3048),
+    "m/s": ("speed", 1.0),
+    "km/h": ("speed", 1 / 3.6),
+    "mph": ("speed", 0.44704),
+    "kn": ("speed", 1852 / 3600),
+    "m/s^2": ("acceleration", 1.0),
+    "g": ("acceleration", STANDARD_GRAVITY),
+    "mg": ("acceleration", STANDARD_GRAVITY * 1e-3),
+    "rad": ("angle", 1.0),
+    "deg": ("angle", math.pi / 180),
+    "mrad": ("angle", 1e-3),
+    "rad/s": ("angular rate", 1.0),
+    "deg/s": ("angular rate", math.pi / 180),
+    "mrad/s": ("angular rate", 1e-3),
+    "rpm": ("angular rate", 2 * math.pi / 60),
+    "1/s": ("angular rate", 1.0),
+    "N": ("force", 1.0),
+    "kN": ("force", 1e3),
+    "N m": ("torque", 1.0),
+    "kN m": ("torque", 1e3),
+}
+
+_SPELLINGS = {
+    "m/s2": "m/s^2",
+    "m/s²": "m/s^2",
+    "m/s**2": "m/s^2",
+    "m s^-2": "m/s^2",
+    "kph": "km/h",
+    "kmh": "km/h",
+    "kmph": "km/h",
+    "mps": "m/s",
+    "knots": "kn",
+    "°": "deg",
+    "degree": "deg",
+    "degrees": "deg",
+    "dps": "deg/s",
+    "°/s": "deg/s",
+    "rads": "rad/s",
+    "Nm": "N m",
+    "N*m": "N m",
+    "N·m": "N m",
+    "kNm": "kN m",
+    "percent": "%",
+    "sec": "s",
+    "seconds": "s",
+    "meter": "m",
+    "meters": "m",
+    "metre": "m",
+    "1": "-",
+}
+
+
+def canonical(unit: str) -> str:
+    """The spelling that `UNITS` holds; ConfigError with near names for an unknown unit."""
+    text = unit.strip()
+    text = _SPELLINGS.get(text, text)
+    if text not in UNITS:
+        raise ConfigError(f"unknown unit '{unit}'. {near(unit, [*UNITS, *_SPELLINGS])}")
+    return text
+
+
+def to_si(unit: str, expected: str) -> float:
+    """Factor from `unit` to the SI unit `expected`; ConfigError when the quantities differ."""
+    quantity, factor = UNITS[canonical(unit)]
+    wanted, si_factor = UNITS[canonical(expected)]
+    if quantity != wanted:
+        raise ConfigError(f"unit '{unit}' is a {quantity}, but a {wanted} [{expected}] is needed")
+    return factor / si_factor
