@@ -1,0 +1,248 @@
+"""Drive: a log's signals on one uniform clock, with gaps and masks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roadlog.errors import LogReadError, MissingSignalError, near
+from roadlog.signals import INPUTS, SIGNALS, Signal
+from roadlog.storage.table import Table
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+DEFAULT_RATE = 100.0  # Hz
+MIN_STALE = 0.1  # s; a sample is stale when older than this and STALE_INTERVALS of its channel
+STALE_INTERVALS = 2.5
+MAX_DURATION = 7 * 86400.0  # s; beyond this the stamps are wrong, not the drive long
+
+# Methods, Massel chapter, sections 1.4 and 3.1
+ZERO_SPEED = 0.02  # m/s
+STANDSTILL_PAST = 0.5  # s
+STANDSTILL_FUTURE = 0.5  # s
+STRAIGHT_LATERAL = 0.5  # m/s2, |yaw rate| * max(v, 1 m/s)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """One channel as the logger wrote it.
+
+    time: seconds on the drive's clock, ascending. columns: field -> values, NaN where unknown.
+    """
+
+    time: Floats
+    columns: Mapping[str, Floats]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A log's signals on one uniform clock.
+
+    time: seconds from `start_ns`, uniform. signals: role -> values in SI as long as `time`, NaN
+    where the newest sample is older than the larger of 0.1 s and 2.5 median intervals of its
+    channel. native: section -> samples at their own times, for estimators that use them so.
+    """
+
+    time: Floats
+    start_ns: int
+    rate: float
+    signals: Mapping[str, Floats]
+    native: Mapping[str, Samples]
+
+    @classmethod
+    def from_tables(cls, tables: Iterable[Table], rate: float = DEFAULT_RATE) -> Drive:
+        """Put the input channels among `tables` on one grid of `rate` Hz.
+
+        The grid runs from the first to the last sample of any input. Raises LogReadError when
+        there is no input at all or the stamps span more than a week.
+        """
+        sections = {section.topic: section for section in INPUTS}
+        inputs = [(sections[t.topic], t) for t in tables if t.topic in sections and len(t)]
+        if not inputs:
+            topics = ", ".join(sections)
+            raise LogReadError(f"no vehicle signals: the log has messages on none of {topics}")
+        start = min(int(table.time.min()) for _, table in inputs)
+        end = max(int(table.time.max()) for _, table in inputs)
+        duration = (end - start) * 1e-9
+        if duration > MAX_DURATION:
+            raise LogReadError(
+                f"stamps span {duration / 86400:.0f} days; a clock jumped or a channel has another "
+                f"epoch (see `roadlog info`)"
+            )
+        time = np.arange(int(np.floor(duration * rate + 1e-6)) + 1) / rate
+        signals: dict[str, Floats] = {}
+        native: dict[str, Samples] = {}
+        for section, table in inputs:
+            order = np.argsort(table.time, kind="stable")
+            own = (table.time[order] - start) * 1e-9
+            columns = {}
+            for signal in section.signals:
+                if signal.field not in table.columns:
+                    continue
+                values = np.asarray(table.columns[signal.field][order], np.float64)
+                values = np.where(np.isfinite(values), values, np.nan)
+                if np.isnan(values).all():
+                    continue  # a field that the source does not know is a signal it does not have
+                columns[signal.field] = values
+                signals[signal.role] = resample(own, values, time, signal)
+            native[section.name] = Samples(own, columns)
+        return cls(time, start, rate, signals, native)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __contains__(self, role: str) -> bool:
+        return role in self.signals
+
+    def __getitem__(self, role: str) -> Floats:
+        try:
+            return self.signals[role]
+        except KeyError:
+            known = role in SIGNALS
+            what = "is not in this drive" if known else "is no role"
+            hint = near(role, self.signals if known else SIGNALS)
+            raise MissingSignalError(f"signal '{role}' {what}. {hint}") from None
+
+    def get(self, role: str) -> Floats:
+        """The signal, or NaN everywhere when the drive does not have it."""
+        return self.signals[role] if role in self.signals else np.full(len(self.time), np.nan)
+
+    @property
+    def dt(self) -> float:
+        """s, grid step."""
+        return 1.0 / self.rate
+
+    @property
+    def time_ns(self) -> NDArray[np.int64]:
+        """Absolute time of each grid point."""
+        return self.start_ns + np.round(self.time * 1e9).astype(np.int64)
+
+    def sources_of_speed(self) -> list[str]:
+        """Which of wheel_speeds, speed, gnss can give the speed, best first."""
+        candidates = {
+            "wheel_speeds": any(f"wheel_speeds.{w}" in self for w in ("fl", "fr", "rl", "rr")),
+            "speed": "speed.v" in self,
+            "gnss": "gnss.speed" in self,
+        }
+        return [name for name, there in candidates.items() if there]
+
+    @property
+    def has_speed(self) -> bool:
+        """Whether any speed is there."""
+        return bool(self.sources_of_speed())
+
+    def wheel_speed(self, wheels: str = "all") -> Floats:
+        """m/s, mean of `all`, `front` or `rear` wheels; of those that are known at each time."""
+        names = {"all": ("fl", "fr", "rl", "rr"), "front": ("fl", "fr"), "rear": ("rl", "rr")}
+        there = [f"wheel_speeds.{w}" for w in names[wheels] if f"wheel_speeds.{w}" in self]
+        if not there:
+            raise MissingSignalError(
+                f"no wheel speed ({', '.join(names[wheels])}) is in this drive"
+            )
+        return nan_mean(np.stack([self[role] for role in there]))
+
+    @cached_property
+    def speed(self) -> Floats:
+        """m/s along the road: mean of the wheel speeds, else /speed, else GNSS speed."""
+        for source in self.sources_of_speed():
+            if source == "wheel_speeds":
+                return self.wheel_speed()
+            return self["speed.v" if source == "speed" else "gnss.speed"]
+        raise MissingSignalError(
+            "no speed in this drive: it has none of /wheel_speeds, /speed, /gnss speed"
+        )
+
+    @cached_property
+    def standstill(self) -> Bools:
+        """True where the car stands, with hysteresis in past and future (Kim chapter 3.1)."""
+        if not self.has_speed:
+            return np.zeros(len(self), np.bool_)
+        return static_mask(self.speed, self.rate)
+
+    @cached_property
+    def straight(self) -> Bools:
+        """True where |yaw rate| max(v, 1 m/s) < 0.5 m/s2, or no yaw rate is known (1.4)."""
+        if "imu.gyro_z" not in self or not self.has_speed:
+            return np.ones(len(self), np.bool_)
+        lateral = np.abs(self["imu.gyro_z"]) * np.maximum(self.speed, 1.0)
+        return ~(lateral >= STRAIGHT_LATERAL)
+
+    def segments(self, *signals: Floats) -> list[slice]:
+        """Runs of samples in which every given signal is known."""
+        known = np.ones(len(self), np.bool_)
+        for values in signals:
+            known &= np.isfinite(values)
+        return runs(known)
+
+
+def resample(own: Floats, values: Floats, time: Floats, signal: Signal) -> Floats:
+    """Values at `time`: interpolated or held as the signal's kind says, NaN where stale.
+
+    NaN samples count as absent. Between two samples further apart than the stale limit the
+    result is NaN once the older one is stale. No extrapolation at the ends, except that the last
+    sample holds until it is stale.
+    """
+    known = np.isfinite(values)
+    own, values = own[known], values[known]
+    result = np.full(len(time), np.nan)
+    if not len(own):
+        return result
+    if signal.kind == "angle":
+        values = np.unwrap(values)
+    stale = stale_limit(own)
+    # stamps and grid are rounded to ns: a sample on a grid point belongs to it
+    newest = np.searchsorted(own, time + 1e-9, side="right") - 1
+    fresh = newest >= 0
+    fresh[fresh] = time[fresh] - own[newest[fresh]] <= stale
+    if signal.kind == "hold":
+        result[fresh] = values[newest[fresh]]
+    else:
+        result[fresh] = np.interp(time[fresh], own, values)
+    return result
+
+
+def stale_limit(own: Floats) -> float:
+    """s, age at which a channel's newest sample no longer counts (design section 2)."""
+    if len(own) < 2:
+        return MIN_STALE
+    return max(MIN_STALE, STALE_INTERVALS * float(np.median(np.diff(own))))
+
+
+def static_mask(
+    speed: Floats,
+    rate: float,
+    zero: float = ZERO_SPEED,
+    past: float = STANDSTILL_PAST,
+    future: float = STANDSTILL_FUTURE,
+) -> Bools:
+    """Zero-velocity detection with hysteresis in past and future (Kim 2023; chapter 3.1).
+
+    speed in m/s, NaN counts as moving; zero in m/s; past and future in s.
+    """
+    n = len(speed)
+    moving = np.concatenate([[0], np.cumsum(~(np.abs(speed) <= zero))])
+    k = np.arange(n)
+    last = np.minimum(k + round(future * rate), n - 1)
+    first = np.maximum(k - round(past * rate), 0)
+    return moving[last + 1] - moving[first] == 0
+
+
+def runs(mask: Bools) -> list[slice]:
+    """Maximal runs of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def nan_mean(rows: Floats) -> Floats:
+    """Mean over the first axis of what is known; NaN where nothing is."""
+    known = np.isfinite(rows)
+    count = known.sum(axis=0)
+    total = np.where(known, rows, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+

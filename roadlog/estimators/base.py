@@ -1,0 +1,127 @@
+"""What an estimator is: a frozen dataclass of parameters and one pure function."""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from roadlog.drive import Drive
+from roadlog.errors import ConfigError, near
+from roadlog.estimate import Estimate, Floats
+from roadlog.signals import FLAGS
+from roadlog.vehicle import Vehicle
+
+Engine = Literal["compiled", "reference"]
+ENGINES: tuple[str, ...] = typing.get_args(Engine)
+
+ANY_SPEED = "speed"  # needs: any of wheel_speeds, speed, gnss.speed
+
+
+def parameter(default: Any, unit: str, doc: str) -> Any:
+    """A field of a parameter dataclass; doc says what it is and where the default comes from."""
+    return field(default=default, metadata={"unit": unit, "doc": doc})
+
+
+@dataclass(frozen=True)
+class Estimator:
+    """An entry of the estimator table.
+
+    needs: roles that must be in the drive; alternatives are joined by `|`, "speed" stands for any
+    speed. gives: angles. vehicle: vehicle parameters the method uses; the run notes those that
+    are only defaults. causal: uses no sample of the future in its default parameters.
+    """
+
+    name: str
+    run: Callable[[Drive, Vehicle, Any, Engine], Estimate]
+    parameters: type
+    needs: tuple[str, ...]
+    gives: tuple[str, ...]
+    reference: str
+    summary: str
+    causal: bool = False
+    vehicle: tuple[str, ...] = ()
+    aliases: tuple[str, ...] = ()
+
+    def missing(self, drive: Drive) -> list[str]:
+        """The needs that the drive does not meet."""
+        return [need for need in self.needs if not _met(need, drive)]
+
+    def configure(self, settings: Mapping[str, Any]) -> Any:
+        """The parameters with some of them set; text is read as the parameter's type.
+
+        Raises ConfigError naming the parameter and the near names.
+        """
+        known = {f.name for f in dataclasses.fields(self.parameters)}
+        hints = typing.get_type_hints(self.parameters)
+        values = {}
+        for key, value in settings.items():
+            if key not in known:
+                raise ConfigError(f"{self.name} has no parameter '{key}'. {near(key, known)}")
+            values[key] = _parsed(value, hints[key], f"{self.name}.{key}")
+        return self.parameters(**values)
+
+
+def _met(need: str, drive: Drive) -> bool:
+    if need == ANY_SPEED:
+        return drive.has_speed
+    return any(role in drive for role in need.split("|"))
+
+
+def _parsed(value: Any, hint: Any, where: str) -> Any:
+    """A setting, usually text of the command line, in the type of its parameter."""
+    if typing.get_origin(hint) in (typing.Union, types.UnionType):
+        if value is None or value == "none":
+            return None
+        hint = next(h for h in typing.get_args(hint) if h is not type(None))
+    if typing.get_origin(hint) is Literal:
+        choices = typing.get_args(hint)
+        if value not in choices:
+            raise ConfigError(f"{where} = {value!r}: must be one of {', '.join(map(str, choices))}")
+        return value
+    if hint is bool:
+        words = {"true": True, "false": False, "1": True, "0": False, "yes": True, "no": False}
+        found = words.get(str(value).lower())
+        if found is None:
+            raise ConfigError(f"{where} = {value!r}: must be true or false")
+        return found
+    try:
+        number = hint(value)
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{where} = {value!r}: must be a {hint.__name__}") from error
+    if isinstance(number, float) and np.isnan(number):
+        raise ConfigError(f"{where} = {value!r}: must be a number")
+    return number
+
+
+def default_notes(estimator: Estimator, vehicle: Vehicle) -> list[str]:
+    """A sentence on vehicle parameters that are only defaults."""
+    guessed = [name for name in estimator.vehicle if vehicle.source(name).kind == "default"]
+    if not guessed:
+        return []
+    return [f"vehicle parameters at their defaults: {', '.join(guessed)} (give --vehicle FILE)"]
+
+
+def flag(mask: np.ndarray, name: str) -> np.ndarray:
+    """uint32 array with one flag set where the mask is True."""
+    return np.where(mask, np.uint32(FLAGS[name]), np.uint32(0)).astype(np.uint32)
+
+
+__all__ = [
+    "ANY_SPEED",
+    "ENGINES",
+    "Drive",
+    "Engine",
+    "Estimate",
+    "Estimator",
+    "Floats",
+    "Vehicle",
+    "default_notes",
+    "flag",
+    "parameter",
+]

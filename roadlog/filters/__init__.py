@@ -1,0 +1,1 @@
+"""Numerics that the estimators share: kernels, Kalman filters and smoothers, strapdown, windows."""

@@ -1,0 +1,172 @@
+"""DriveLog: an MCAP drive log with its drive, truth and estimates."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roadlog.drive import DEFAULT_RATE, Drive
+from roadlog.errors import MissingSignalError, near
+from roadlog.estimate import Estimate
+from roadlog.signals import (
+    ANGLES,
+    INPUTS,
+    TRUTH_TOPIC,
+    estimate_topic,
+    split_estimate_topic,
+)
+from roadlog.storage import Channel, LogReader, Table, update_log, write_log
+from roadlog.vehicle import Vehicle
+from roadlog.version import __version__
+
+
+@dataclass(frozen=True)
+class AngleTrack:
+    """Angles as a log holds them: the truth, or one estimate.
+
+    time: int64 ns. angles and sd: name -> rad, NaN where unknown; only angles that are known at
+    some time. valid, flags: as in `roadlog.v1.RoadAngles`.
+    """
+
+    time: NDArray[np.int64]
+    angles: Mapping[str, NDArray[np.float64]]
+    sd: Mapping[str, NDArray[np.float64]]
+    valid: NDArray[np.bool_]
+    flags: NDArray[np.uint32]
+
+    @classmethod
+    def from_table(cls, table: Table) -> AngleTrack:
+        """The columns of one RoadAngles channel."""
+        angles, sd = {}, {}
+        for angle in ANGLES:
+            values = np.asarray(table.columns[angle], np.float64)
+            if not np.isnan(values).all():
+                angles[angle] = values
+                sd[angle] = np.asarray(table.columns[f"{angle}_sd"], np.float64)
+        valid = np.asarray(table.columns["valid"], np.bool_)
+        return cls(table.time, angles, sd, valid, np.asarray(table.columns["flags"], np.uint32))
+
+
+class DriveLog:
+    """A drive log on disk. Raises LogReadError when the file is no readable MCAP."""
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = Path(path)
+        with LogReader(self.path) as reader:
+            self.channels: tuple[Channel, ...] = reader.channels
+            self.metadata = reader.metadata
+            self.start_ns = reader.start_ns
+            self.end_ns = reader.end_ns
+            self.losses: list[str] = list(reader.losses)
+
+    def tables(self, topics: Iterable[str] | None = None) -> dict[str, Table]:
+        """Columns of the given topics that the log has (default: all)."""
+        with LogReader(self.path) as reader:
+            known = {channel.topic for channel in reader.channels}
+            wanted = None if topics is None else [topic for topic in topics if topic in known]
+            tables = reader.read(wanted)
+            self.losses += [loss for loss in reader.losses if loss not in self.losses]
+        return tables
+
+    def drive(self, rate: float = DEFAULT_RATE) -> Drive:
+        """The input signals on one clock. Raises LogReadError when there are none."""
+        return Drive.from_tables(self.tables(s.topic for s in INPUTS).values(), rate)
+
+    @cached_property
+    def vehicle(self) -> Vehicle:
+        """The vehicle file stored in the log, or the default car."""
+        text = self.metadata.get("vehicle", {}).get("toml", "")
+        return Vehicle.from_toml(text, f"{self.path}: metadata 'vehicle'") if text else Vehicle()
+
+    @property
+    def estimators(self) -> list[str]:
+        """Names of the estimators whose results the log holds."""
+        found = (split_estimate_topic(channel.topic) for channel in self.channels)
+        return sorted({parts[0] for parts in found if parts and parts[1] == "angles"})
+
+    def truth(self) -> AngleTrack | None:
+        """The true angles, when the log has them."""
+        table = self.tables([TRUTH_TOPIC]).get(TRUTH_TOPIC)
+        return AngleTrack.from_table(table) if table is not None and len(table) else None
+
+    def estimate(self, name: str) -> AngleTrack:
+        """The angles of one estimator. Raises MissingSignalError."""
+        topic = estimate_topic(name)
+        table = self.tables([topic]).get(topic)
+        if table is None:
+            raise MissingSignalError(
+                f"{self.path}: no estimate '{name}'. {near(name, self.estimators)}"
+            )
+        return AngleTrack.from_table(table)
+
+    def detail(self, name: str, detail: str) -> Table | None:
+        """A further channel of one estimator, when the log has it."""
+        topic = estimate_topic(name, detail)
+        return self.tables([topic]).get(topic)
+
+    def write(
+        self,
+        estimates: Iterable[Estimate],
+        drive: Drive,
+        *,
+        engine: str,
+        vehicle: Vehicle | None = None,
+        out: Path | None = None,
+    ) -> None:
+        """Put estimates into the log, in place of earlier ones of the same name.
+
+        Everything else stays byte for byte; the file is replaced at once or not at all. vehicle:
+        stored in the log when given. Raises LogWriteError.
+        """
+        estimates = list(estimates)
+        names = {estimate.name for estimate in estimates}
+        records = {f"estimate/{e.name}": _record(e, drive, engine) for e in estimates}
+        if vehicle is not None:
+            records["vehicle"] = {"toml": vehicle.to_toml()}
+
+        def is_replaced(topic: str) -> bool:
+            parts = split_estimate_topic(topic)
+            return parts is not None and parts[0] in names
+
+        update_log(
+            self.path,
+            [table for estimate in estimates for table in estimate.tables(drive)],
+            records,
+            drop=is_replaced,
+            drop_metadata=records.__contains__,
+            out=out,
+        )
+
+
+def _record(estimate: Estimate, drive: Drive, engine: str) -> dict[str, str]:
+    """Metadata record of one estimate; nothing in it changes from run to run."""
+    return {
+        "parameters": json.dumps(dict(estimate.parameters), sort_keys=True),
+        "engine": engine,
+        "roadlog": __version__,
+        "inputs": ", ".join(sorted(drive.signals)),
+        "duration": f"{drive.time[-1]:.3f} s",
+        "notes": "\n".join(estimate.notes),
+    }
+
+
+def create(
+    path: Path | str,
+    tables: Iterable[Table],
+    metadata: Mapping[str, Mapping[str, str]] | None = None,
+    vehicle: Vehicle | None = None,
+) -> DriveLog:
+    """Write a new log and open it. Raises LogWriteError."""
+    records = dict(metadata or {})
+    if vehicle is not None:
+        records["vehicle"] = {"toml": vehicle.to_toml()}
+    write_log(Path(path), tables, records)
+    return DriveLog(path)
+
+

@@ -1,0 +1,321 @@
+"""Vehicle: parameters with unit, default and where each came from; presets; TOML in and out."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal
+
+from roadlog.errors import ConfigError, near
+
+Kind = Literal["given", "calibrated", "preset", "default"]
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a parameter's value comes from; sd in the parameter's own unit, None when unknown."""
+
+    kind: Kind
+    sd: float | None = None
+
+
+DEFAULT = Source("default")
+
+
+def _parameter(default: Any, unit: str, doc: str, key: str = "") -> Any:
+    """A parameter; `key` is its place in the TOML file where that is not its own name."""
+    return field(default=default, metadata={"unit": unit, "doc": doc, "key": key})
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """What the estimators know of a car (vehicle file: design section 6).
+
+    The defaults describe a middle-class car and are good enough for methods that need only an
+    order of magnitude; `sources` tells which values were given. None: not known, derived where a
+    method needs it (`pitch_gradient_or_default`, ...).
+    """
+
+    name: str = _parameter("default", "", "name of the car")
+    mass: float = _parameter(1600.0, "kg", "as driven")
+    cg_to_front_axle: float = _parameter(1.25, "m", "center of gravity to front axle")
+    cg_to_rear_axle: float = _parameter(1.45, "m", "center of gravity to rear axle")
+    cg_height: float = _parameter(0.55, "m", "center of gravity over the ground")
+    track: float = _parameter(1.55, "m", "mean of both axles")
+    roll_inertia: float = _parameter(600.0, "kg m2", "sprung mass about its CG", "inertia.roll")
+    pitch_inertia: float = _parameter(2600.0, "kg m2", "about the CG", "inertia.pitch")
+    yaw_inertia: float = _parameter(2800.0, "kg m2", "about the CG", "inertia.yaw")
+    wheel_radius: float = _parameter(0.31, "m", "effective rolling radius")
+    wheel_inertia: float = _parameter(1.1, "kg m2", "per wheel")
+    drag_area: float = _parameter(0.70, "m2", "drag coefficient times frontal area")
+    air_density: float = _parameter(1.2, "kg/m3", "")
+    rolling_resistance: float = _parameter(0.011, "-", "rolling resistance coefficient")
+    front_cornering_stiffness: float = _parameter(
+        110e3, "N/rad", "front axle", "cornering_stiffness.front"
+    )
+    rear_cornering_stiffness: float = _parameter(
+        110e3, "N/rad", "rear axle", "cornering_stiffness.rear"
+    )
+    pitch_gradient: float | None = _parameter(
+        None, "rad/(m/s2)", "body pitch per longitudinal specific force"
+    )
+    roll_gradient: float | None = _parameter(
+        None, "rad/(m/s2)", "body roll per lateral specific force"
+    )
+    pitch_stiffness: float | None = _parameter(None, "N m/rad", "suspension in pitch")
+    pitch_damping: float | None = _parameter(None, "N m s/rad", "suspension in pitch")
+    roll_stiffness: float | None = _parameter(None, "N m/rad", "suspension in roll")
+    roll_damping: float | None = _parameter(None, "N m s/rad", "suspension in roll")
+    roll_arm: float = _parameter(0.45, "m", "CG over the roll axis")
+    driven: str = _parameter("front", "", "front, rear or all")
+    final_drive: float = _parameter(3.5, "-", "axle ratio")
+    driveline_efficiency: float = _parameter(0.92, "-", "engine to wheels")
+    engine_inertia: float = _parameter(0.18, "kg m2", "engine and gearbox input")
+    steering_ratio: float = _parameter(15.0, "-", "steering wheel angle / road wheel angle")
+    imu_position: tuple[float, float, float] | None = _parameter(
+        None, "m", "from the CG, vehicle axes"
+    )
+    antenna_position: tuple[float, float, float] | None = _parameter(
+        None, "m", "from the CG, vehicle axes"
+    )
+    tank_length: float = _parameter(0.70, "m", "box along x", "tank.length")
+    tank_width: float = _parameter(0.45, "m", "box along y", "tank.width")
+    tank_height: float = _parameter(0.15, "m", "box along z", "tank.height")
+    tank_sender: tuple[float, float] = _parameter(
+        (0.15, 0.0), "m", "sender from the tank center, x and y", "tank.sender"
+    )
+    sources: Mapping[str, Source] = field(default=MappingProxyType({}), metadata={"key": None})
+
+    def source(self, parameter: str) -> Source:
+        """Where a parameter comes from."""
+        return self.sources.get(parameter, DEFAULT)
+
+    def with_values(self, kind: Kind = "given", **values: Any) -> Vehicle:
+        """A copy with some parameters set, and their source noted."""
+        marks = {name: Source(kind) for name in values}
+        return replace(self, sources={**self.sources, **marks}, **values)
+
+    # What follows from the parameters. ------------------------------------------------------
+
+    @property
+    def wheelbase(self) -> float:
+        """m."""
+        return self.cg_to_front_axle + self.cg_to_rear_axle
+
+    @property
+    def pitch_gain(self) -> float:
+        """rad/(m/s2), K_theta: given, or m h / K_pitch, or the mean of passenger cars."""
+        if self.pitch_gradient is not None:
+            return self.pitch_gradient
+        if self.pitch_stiffness is not None:
+            return self.mass * self.cg_height / self.pitch_stiffness
+        return 0.005  # methods, fusion section 3: prior mean
+
+    @property
+    def roll_gain(self) -> float:
+        """rad/(m/s2), K_phi: given, or m h / k_r (Ryu/Luo chapter 4.6b), or a mean of cars."""
+        if self.roll_gradient is not None:
+            return self.roll_gradient
+        if self.roll_stiffness is not None:
+            return self.mass * self.roll_arm / self.roll_stiffness
+        return 0.0095  # methods, fusion section 3: prior mean
+
+    # TOML ---------------------------------------------------------------------------------
+
+    @classmethod
+    def load(cls, path: Path) -> Vehicle:
+        """Read a vehicle file. Raises ConfigError naming the file and the key."""
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ConfigError(f"{path}: vehicle file cannot be read: {error}") from error
+        return cls.from_toml(text, str(path))
+
+    @classmethod
+    def from_toml(cls, text: str, where: str = "vehicle") -> Vehicle:
+        """Parse a vehicle file's text; unknown keys are errors that offer the near names."""
+        try:
+            document = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise ConfigError(f"{where}: not a TOML file: {error}") from error
+        for section in document:
+            if section not in ("vehicle", "tank", "sources"):
+                raise ConfigError(
+                    f"{where}: unknown section [{section}]. "
+                    + near(section, ("vehicle", "tank", "sources"))
+                )
+        flat = {**_flat(document.get("vehicle", {})), **_flat(document.get("tank", {}), "tank.")}
+        by_key = _keys()
+        values: dict[str, Any] = {}
+        for key, value in flat.items():
+            if key not in by_key:
+                raise ConfigError(f"{where}: unknown key '{key}'. {near(key, by_key)}")
+            values[by_key[key]] = _checked(by_key[key], value, f"{where}: {key}")
+        sources = {name: Source("given") for name in values}
+        for key, entry in document.get("sources", {}).items():
+            if key not in by_key:
+                raise ConfigError(f"{where}: [sources] unknown key '{key}'. {near(key, by_key)}")
+            kind = entry.get("source") if isinstance(entry, dict) else entry
+            if kind not in ("given", "calibrated", "preset", "default"):
+                raise ConfigError(
+                    f"{where}: [sources] {key}: '{kind}' is none of given, calibrated, preset, default"
+                )
+            sd = entry.get("sd") if isinstance(entry, dict) else None
+            sources[by_key[key]] = Source(kind, None if sd is None else float(sd))
+        return cls(sources=sources, **values)
+
+    def to_toml(self) -> str:
+        """The vehicle file that gives this vehicle back; parameters left at default stay out."""
+        lines = {"vehicle": ["[vehicle]"], "tank": ["[tank]"], "sources": ["[sources]"]}
+        for parameter in fields(self):
+            name, value = parameter.name, getattr(self, parameter.name)
+            if name == "sources" or value is None or self.source(name) == DEFAULT:
+                continue
+            key = parameter.metadata["key"] or name
+            section = "tank" if key.startswith("tank.") else "vehicle"
+            unit = f"  # {parameter.metadata['unit']}" if parameter.metadata["unit"] else ""
+            lines[section].append(f"{key.removeprefix('tank.')} = {_toml(value)}{unit}")
+            source = self.source(name)
+            if source.kind != "given" or source.sd is not None:
+                sd = "" if source.sd is None else f", sd = {source.sd!r}"
+                quoted = f'"{key}"' if "." in key else key
+                lines["sources"].append(f'{quoted} = {{ source = "{source.kind}"{sd} }}')
+        return "\n\n".join("\n".join(block) for block in lines.values() if len(block) > 1) + "\n"
+
+    @classmethod
+    def preset(cls, name: str) -> Vehicle:
+        """A vehicle that ships with roadlog. Raises ConfigError with near names."""
+        if name not in PRESETS:
+            raise ConfigError(f"no vehicle preset '{name}'. {near(name, PRESETS)}")
+        return cls().with_values("preset", name=name, **PRESETS[name])
+
+
+def _keys() -> dict[str, str]:
+    """TOML key -> parameter name."""
+    return {f.metadata["key"] or f.name: f.name for f in fields(Vehicle) if f.name != "sources"}
+
+
+def _flat(table: Any, prefix: str = "") -> dict[str, Any]:
+    result: dict[str, Any] = {}
+    for key, value in table.items():
+        if isinstance(value, dict):
+            result |= _flat(value, f"{prefix}{key}.")
+        else:
+            result[prefix + key] = value
+    return result
+
+
+_SIGNED = ("imu_position", "antenna_position", "tank_sender", "name", "driven")
+_MAY_BE_ZERO = ("drag_area", "rolling_resistance", "pitch_gradient", "roll_gradient")
+
+
+def _checked(name: str, value: Any, where: str) -> Any:
+    """The value in the parameter's type. Raises ConfigError."""
+    if name == "name":
+        return str(value)
+    if name == "driven":
+        if value not in ("front", "rear", "all"):
+            raise ConfigError(f"{where} = {value!r}: must be front, rear or all")
+        return value
+    if name in _SIGNED:
+        size = 2 if name == "tank_sender" else 3
+        if not isinstance(value, list) or len(value) != size or not all(map(_number, value)):
+            raise ConfigError(f"{where} = {value!r}: must be {size} numbers [m]")
+        return tuple(float(v) for v in value)
+    if not _number(value):
+        raise ConfigError(f"{where} = {value!r}: must be a number")
+    if value < 0 or (value == 0 and name not in _MAY_BE_ZERO):
+        raise ConfigError(f"{where} = {value!r}: must be positive")
+    return float(value)
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{escaped}"'
+    if isinstance(value, tuple):
+        return "[" + ", ".join(repr(v) for v in value) + "]"
+    return repr(value)
+
+
+PRESETS: dict[str, dict[str, Any]] = {
+    # methods, Ryu/Luo chapter, section 2: late-1990s E-class estate, rounded catalogue values;
+    # stiffnesses and gains identified from the truth simulator by circle and chirp tests
+    "wagon": {
+        "mass": 1850.0,
+        "cg_to_front_axle": 1.40,
+        "cg_to_rear_axle": 1.43,
+        "cg_height": 0.58,
+        "track": 1.54,
+        "roll_inertia": 634.0,
+        "pitch_inertia": 3000.0,
+        "yaw_inertia": 3300.0,
+        "wheel_radius": 0.3165,
+        "wheel_inertia": 1.2,
+        "drag_area": 0.726,
+        "air_density": 1.2258,
+        "rolling_resistance": 0.011,
+        "front_cornering_stiffness": 138e3,
+        "rear_cornering_stiffness": 165e3,
+        "pitch_gradient": 0.0045,
+        "roll_gradient": 0.0113,
+        "roll_stiffness": 76.7e3,
+        "roll_damping": 3000.0,
+        "roll_arm": 0.468,
+        "driven": "rear",
+        "final_drive": 3.07,
+        "driveline_efficiency": 0.92,
+        "engine_inertia": 0.18,
+        "imu_position": (-0.3, 0.1, -0.15),
+    },
+    # CommonRoad vehicle models, parameters_vehicle2 (BMW 320i), converted to SI there
+    "commonroad_2": {
+        "mass": 1093.30,
+        "cg_to_front_axle": 1.1562,
+        "cg_to_rear_axle": 1.4227,
+        "cg_height": 0.5749,
+        "track": 1.3754,
+        "roll_inertia": 207.27,
+        "pitch_inertia": 1565.8,
+        "yaw_inertia": 1791.6,
+        "wheel_radius": 0.344,
+        "wheel_inertia": 1.7,
+        "front_cornering_stiffness": 129.6e3,
+        "rear_cornering_stiffness": 105.4e3,
+        "roll_stiffness": 43.8e3,
+        "roll_damping": 3252.0,
+        "roll_gradient": 0.0135,
+        "roll_arm": 0.6137,
+        "driven": "rear",
+    },
+    # Wang 2025, table of the paper; axle spring rates 50 and 56 kN/m and zeta 0.30 are ours
+    "wang2025": {
+        "mass": 1980.0,
+        "cg_to_front_axle": 1.421,
+        "cg_to_rear_axle": 1.579,
+        "cg_height": 0.504,
+        "pitch_inertia": 4443.0,
+        "wheel_radius": 0.3515,
+        "drag_area": 0.735,
+        "air_density": 1.2,
+        "rolling_resistance": 0.012,
+        "pitch_stiffness": 240584.0,
+        "pitch_damping": 19616.0,
+    },
+    # Massel 2004 gives no car; methods, Massel chapter, section 2.6
+    "massel2004": {
+        "mass": 1600.0,
+        "cg_height": 0.55,
+        "pitch_inertia": 2600.0,
+        "pitch_stiffness": 251e3,
+        "pitch_damping": 17.9e3,
+    },
+}
