@@ -7,14 +7,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roadlog.errors import LogReadError, MissingSignalError, near
 from roadlog.signals import INPUTS, SIGNALS, Signal
 from roadlog.storage.table import Table
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from roadlog.types import Bools, Floats, Stamps
 
 DEFAULT_RATE = 100.0  # Hz
 MIN_STALE = 0.1  # s; a sample is stale when older than this and STALE_INTERVALS of its channel
@@ -79,13 +76,13 @@ class Drive:
         native: dict[str, Samples] = {}
         for section, table in inputs:
             order = np.argsort(table.time, kind="stable")
-            own = (table.time[order] - start) * 1e-9
+            own: Floats = np.multiply(table.time[order] - start, 1e-9)
             columns = {}
             for signal in section.signals:
                 if signal.field not in table.columns:
                     continue
-                values = np.asarray(table.columns[signal.field][order], np.float64)
-                values = np.where(np.isfinite(values), values, np.nan)
+                values = np.array(table.columns[signal.field][order], np.float64)
+                values[~np.isfinite(values)] = np.nan
                 if np.isnan(values).all():
                     continue  # a field that the source does not know is a signal it does not have
                 columns[signal.field] = values
@@ -118,7 +115,7 @@ class Drive:
         return 1.0 / self.rate
 
     @property
-    def time_ns(self) -> NDArray[np.int64]:
+    def time_ns(self) -> Stamps:
         """Absolute time of each grid point."""
         return self.start_ns + np.round(self.time * 1e9).astype(np.int64)
 
@@ -244,5 +241,3 @@ def nan_mean(rows: Floats) -> Floats:
     count = known.sum(axis=0)
     total = np.where(known, rows, 0.0).sum(axis=0)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
-
-

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from roadlog.drive import Drive
 from roadlog.signals import ANGLES, ANGLES_SCHEMA, estimate_topic
 from roadlog.storage.table import Table
-
-Floats = NDArray[np.float64]
+from roadlog.types import Bools, Flags, Floats, Stamps
 
 
 @dataclass(frozen=True)
@@ -42,8 +41,8 @@ class Estimate:
     time: Floats
     angles: Mapping[str, Floats]
     sd: Mapping[str, Floats] = field(default_factory=dict)
-    valid: NDArray[np.bool_] | None = None
-    flags: NDArray[np.uint32] | None = None
+    valid: Bools | None = None
+    flags: Flags | None = None
     details: Mapping[str, Detail] = field(default_factory=dict)
     notes: Sequence[str] = ()
     name: str = ""
@@ -59,7 +58,7 @@ class Estimate:
         raise AttributeError(f"this estimate has no '{name}'; it has {', '.join(self.angles)}")
 
     @property
-    def usable(self) -> NDArray[np.bool_]:
+    def usable(self) -> Bools:
         """`valid`, or where no mask was given: any angle known."""
         if self.valid is not None:
             return self.valid
@@ -83,7 +82,7 @@ class Estimate:
         return tables
 
 
-def _ns(drive: Drive, time: Floats) -> NDArray[np.int64]:
+def _ns(drive: Drive, time: Floats) -> Stamps:
     return drive.start_ns + np.round(time * 1e9).astype(np.int64)
 
 

@@ -9,7 +9,6 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roadlog.drive import DEFAULT_RATE, Drive
 from roadlog.errors import MissingSignalError, near
@@ -22,6 +21,7 @@ from roadlog.signals import (
     split_estimate_topic,
 )
 from roadlog.storage import Channel, LogReader, Table, update_log, write_log
+from roadlog.types import Bools, Flags, Floats, Stamps
 from roadlog.vehicle import Vehicle
 from roadlog.version import __version__
 
@@ -34,11 +34,11 @@ class AngleTrack:
     some time. valid, flags: as in `roadlog.v1.RoadAngles`.
     """
 
-    time: NDArray[np.int64]
-    angles: Mapping[str, NDArray[np.float64]]
-    sd: Mapping[str, NDArray[np.float64]]
-    valid: NDArray[np.bool_]
-    flags: NDArray[np.uint32]
+    time: Stamps
+    angles: Mapping[str, Floats]
+    sd: Mapping[str, Floats]
+    valid: Bools
+    flags: Flags
 
     @classmethod
     def from_table(cls, table: Table) -> AngleTrack:
@@ -168,5 +168,3 @@ def create(
         records["vehicle"] = {"toml": vehicle.to_toml()}
     write_log(Path(path), tables, records)
     return DriveLog(path)
-
-

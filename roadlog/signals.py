@@ -60,6 +60,11 @@ def _section(name: str, topic: str, schema: str, units: dict[str, str], **kinds:
 _WHEELS = ("fl", "fr", "rl", "rr")
 _TORQUES = [f"{kind}_{wheel}" for kind in ("drive", "brake") for wheel in _WHEELS]
 
+
+def _held(fields: list[str]) -> dict[str, Kind]:
+    return dict.fromkeys(fields, "hold")
+
+
 SECTIONS: dict[str, Section] = {
     section.name: section
     for section in (
@@ -72,14 +77,18 @@ SECTIONS: dict[str, Section] = {
         _section("wheel_speeds", "/wheel_speeds", "WheelSpeeds", dict.fromkeys(_WHEELS, "m/s")),
         _section("speed", "/speed", "Speed", {"v": "m/s"}),
         _section(
-            "steering", "/steering", "Steering", {"road_wheel_angle": "rad"}, road_wheel_angle="hold"
+            "steering",
+            "/steering",
+            "Steering",
+            {"road_wheel_angle": "rad"},
+            road_wheel_angle="hold",
         ),
         _section(
             "wheel_torques",
             "/wheel_torques",
             "WheelTorques",
             dict.fromkeys(_TORQUES, "N m"),
-            **dict.fromkeys(_TORQUES, "hold"),
+            **_held(_TORQUES),
         ),
         _section(
             "powertrain",

@@ -7,7 +7,6 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Literal
 
 from roadlog.errors import ConfigError, near
@@ -88,7 +87,7 @@ class Vehicle:
     tank_sender: tuple[float, float] = _parameter(
         (0.15, 0.0), "m", "sender from the tank center, x and y", "tank.sender"
     )
-    sources: Mapping[str, Source] = field(default=MappingProxyType({}), metadata={"key": None})
+    sources: Mapping[str, Source] = field(default_factory=dict, metadata={"key": None})
 
     def source(self, parameter: str) -> Source:
         """Where a parameter comes from."""
@@ -162,7 +161,8 @@ class Vehicle:
             kind = entry.get("source") if isinstance(entry, dict) else entry
             if kind not in ("given", "calibrated", "preset", "default"):
                 raise ConfigError(
-                    f"{where}: [sources] {key}: '{kind}' is none of given, calibrated, preset, default"
+                    f"{where}: [sources] {key}: '{kind}' is none of "
+                    f"given, calibrated, preset, default"
                 )
             sd = entry.get("sd") if isinstance(entry, dict) else None
             sources[by_key[key]] = Source(kind, None if sd is None else float(sd))

@@ -13,12 +13,11 @@ import numpy as np
 
 from roadlog.drive import Drive
 from roadlog.errors import ConfigError, near
-from roadlog.estimate import Estimate, Floats
+from roadlog.estimate import Estimate
+from roadlog.filters import ENGINES, Engine
 from roadlog.signals import FLAGS
+from roadlog.types import Floats
 from roadlog.vehicle import Vehicle
-
-Engine = Literal["compiled", "reference"]
-ENGINES: tuple[str, ...] = typing.get_args(Engine)
 
 ANY_SPEED = "speed"  # needs: any of wheel_speeds, speed, gnss.speed
 

@@ -9,11 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from roadlog.estimators.base import Engine
-
-Floats = NDArray[np.float64]
+from roadlog.filters import Engine
+from roadlog.types import Floats
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,7 @@ def _arrays(model: LinearModel) -> tuple[Floats, ...]:
 
 
 @njit(cache=True)
-def predict(x, P, F, u, Q):
+def predict(x: Floats, P: Floats, F: Floats, u: Floats, Q: Floats) -> tuple[Floats, Floats]:
     """x <- F x + u, P <- F P F' + Q; returns new arrays, P symmetric."""
     n = len(x)
     y = u.copy()
@@ -88,10 +86,10 @@ def predict(x, P, F, u, Q):
 
 
 @njit(cache=True)
-def correct_scalar(x, P, residual, h, r):
+def correct_scalar(x: Floats, P: Floats, residual: float, h: Floats, r: float) -> float:
     """One scalar measurement in place: residual = z - h(x), h the row of H, r its variance.
 
-    Joseph form for a scalar, which keeps P symmetric and positive.
+    Returns the innovation variance. P stays symmetric; only one triangle is computed.
     """
     n = len(x)
     Ph = np.zeros(n)
@@ -104,14 +102,15 @@ def correct_scalar(x, P, residual, h, r):
     for i in range(n):
         x[i] += Ph[i] / s * residual
         for j in range(i + 1):
-            # (I-kh')P(I-kh')' + k r k' with k = Ph/s collapses to P - Ph Ph'/s exactly
             P[i, j] -= Ph[i] * Ph[j] / s
             P[j, i] = P[i, j]
     return s
 
 
 @njit(cache=True)
-def _filter(x0, P0, F, Q, H, R, u, z):
+def _filter(
+    x0: Floats, P0: Floats, F: Floats, Q: Floats, H: Floats, R: Floats, u: Floats, z: Floats
+) -> tuple[Floats, Floats]:
     steps, m = z.shape
     n = len(x0)
     xs = np.empty((steps, n))
@@ -133,7 +132,7 @@ def _filter(x0, P0, F, Q, H, R, u, z):
 
 
 @njit(cache=True)
-def solve_spd(A, B):
+def solve_spd(A: Floats, B: Floats) -> Floats:
     """A^-1 B for a symmetric positive definite A, factored after scaling to unit diagonal.
 
     States with units as different as rad and m/s would otherwise cost half the digits.
@@ -172,7 +171,15 @@ def solve_spd(A, B):
 
 
 @njit(cache=True)
-def smooth_step(x, P, F, x_prior, P_prior, x_next, P_next):
+def smooth_step(
+    x: Floats,
+    P: Floats,
+    F: Floats,
+    x_prior: Floats,
+    P_prior: Floats,
+    x_next: Floats,
+    P_next: Floats,
+) -> tuple[Floats, Floats]:
     """One RTS step back: filtered (x, P) and the smoothed next state -> smoothed (x, P).
 
     x_prior, P_prior: prediction of the next state from (x, P) with transition F.
@@ -202,7 +209,7 @@ def smooth_step(x, P, F, x_prior, P_prior, x_next, P_next):
 
 
 @njit(cache=True)
-def _smooth(xs, Ps, F, Q, u):
+def _smooth(xs: Floats, Ps: Floats, F: Floats, Q: Floats, u: Floats) -> tuple[Floats, Floats]:
     steps = len(xs)
     ys, Ss = xs.copy(), Ps.copy()
     for k in range(steps - 2, -1, -1):

@@ -204,9 +204,7 @@ def update_log(
 
 
 def _write_table(writer: Writer, table: Table) -> None:
-    sid = writer.register_schema(
-        table.schema, "protobuf", schemas.descriptor_set(table.schema)
-    )
+    sid = writer.register_schema(table.schema, "protobuf", schemas.descriptor_set(table.schema))
     cid = writer.register_channel(table.topic, "protobuf", sid, dict(table.metadata))
     cls = message_factory.GetMessageClass(schemas.descriptor(table.schema))
     columns = {name: table.columns[name].tolist() for name in table.columns}

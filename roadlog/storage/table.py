@@ -28,7 +28,9 @@ class Table:
     def __post_init__(self) -> None:
         for name, values in self.columns.items():
             if len(values) != len(self.time):
-                raise ValueError(f"{self.topic}.{name}: {len(values)} values, {len(self.time)} times")
+                raise ValueError(
+                    f"{self.topic}.{name}: {len(values)} values, {len(self.time)} times"
+                )
 
     def __len__(self) -> int:
         return len(self.time)

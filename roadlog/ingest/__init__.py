@@ -1,0 +1,1 @@
+"""Source files of any format become one MCAP log."""

@@ -1,0 +1,1 @@
+"""Folders of drives: a table and a page."""

@@ -1,0 +1,9 @@
+"""Array types that signatures use."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Stamps = NDArray[np.int64]  # nanoseconds since the epoch
+Flags = NDArray[np.uint32]  # bits of signals.FLAGS

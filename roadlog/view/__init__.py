@@ -1,0 +1,1 @@
+"""A drive in Rerun: what is shown, the recording, the layout."""
