@@ -1,0 +1,126 @@
+"""KMBE: grade by a kinematic Kalman filter on speed and longitudinal specific force.
+
+Luo 2024, equation (38); corrections and tuning in the Ryu/Luo chapter, section 4.2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from roadlog.drive import Drive, runs
+from roadlog.estimate import Estimate
+from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
+from roadlog.filters import Engine
+from roadlog.filters.gaps import age, hold
+from roadlog.filters.kalman import LinearModel, kalman_filter, rts_smoother
+from roadlog.filters.lever_arm import specific_force_at_cg
+from roadlog.types import Floats
+from roadlog.units import STANDARD_GRAVITY as G
+from roadlog.vehicle import Vehicle
+
+MAX_SINE = 0.9  # |s/g| beyond this is no road; section 4.2
+
+
+@dataclass(frozen=True)
+class KmbeParameters:
+    """Section 4.2 of the Ryu/Luo chapter unless said."""
+
+    variant: Literal["corrected", "paper"] = parameter(
+        "corrected", "", "corrected: v_y r, lever arm and body pitch; paper: eq. (38) as printed"
+    )
+    smooth: bool = parameter(True, "", "Rauch-Tung-Striebel smoothing over the whole drive")
+    grade_noise: float = parameter(0.010, "rad/sqrt(s)", "random walk of the grade")
+    accel_noise: float = parameter(0.03, "m/s2/sqrt(Hz)", "of the accelerometer")
+    speed_sd: float = parameter(0.02, "m/s", "of one speed sample of the grid")
+    initial_grade_sd: float = parameter(0.05, "rad", "before the first sample")
+    hold_time: float = parameter(0.2, "s", "inputs are held this long; section 4.8")
+    gap_time: float = parameter(3.0, "s", "the filter predicts this long without speed; 4.8")
+    settle_time: float = parameter(3.0, "s", "flagged as converging after a start; 4.8")
+
+
+def kmbe(drive: Drive, vehicle: Vehicle, params: KmbeParameters, engine: Engine) -> Estimate:
+    """Grade from dv/dt = a* - g sin(grade): state [v, s = g sin(grade)], input a*, measured v.
+
+    a* is f_x (`paper`), or f_x at the CG + v_y r - g K_theta f_x (`corrected`).
+    """
+    held = round(params.hold_time * drive.rate)
+    force, was_held = hold(_kinematic_acceleration(drive, vehicle, params), held)
+    speed = drive.speed
+    since_speed = age(np.isfinite(speed)) * drive.dt
+    runnable = np.isfinite(force) & (since_speed <= params.gap_time)
+    n = len(drive)
+    sine, sd, started = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.inf)
+    for run in runs(runnable):
+        model = _model(force[run], speed[run], drive.dt, params)
+        track = kalman_filter(model, engine)
+        if params.smooth:
+            track = rts_smoother(model, track, engine)
+        sine[run] = np.clip(track.x[:, 1] / G, -MAX_SINE, MAX_SINE)
+        sd[run] = track.sd(1) / (G * np.sqrt(1 - sine[run] ** 2))
+        started[run] = np.arange(run.stop - run.start) * drive.dt
+    # a smoother has converged everywhere: the future tells the start of a run as well
+    converging = (started < params.settle_time) & ~np.bool_(params.smooth)
+    clipped = np.abs(sine) >= MAX_SINE
+    flags = (
+        flag(~runnable | (since_speed > held * drive.dt), "missing")
+        | flag(was_held, "held")
+        | flag(converging, "converging")
+        | flag(clipped, "saturated")
+    )
+    valid = runnable & ~converging & ~clipped
+    return Estimate(drive.time, {"grade": np.arcsin(sine)}, {"grade": sd}, valid, flags)
+
+
+def _kinematic_acceleration(drive: Drive, vehicle: Vehicle, params: KmbeParameters) -> Floats:
+    """m/s2, what accelerates the car along the road once gravity is taken off."""
+    if params.variant == "paper":
+        return drive["imu.accel_x"]
+    force = specific_force_at_cg(drive, vehicle.imu_position)
+    # without a gyro or a lateral accelerometer the drive is taken as straight
+    turning = np.nan_to_num(lateral_velocity(drive, vehicle, force.y) * drive.get("imu.gyro_z"))
+    return force.x * (1 - G * vehicle.pitch_gain) + turning
+
+
+def lateral_velocity(drive: Drive, vehicle: Vehicle, f_y: Floats) -> Floats:
+    """m/s at the CG, left +: v_y = b r - v a m f_y' / (L C_r), from the rear slip angle.
+
+    f_y' = f_y (1 - g K_phi) is the lateral specific force in the road plane. Right on a banked
+    road, because f_y' m is the tire force. Source: Ryu/Luo chapter, section 4 (v_y,ps).
+    """
+    in_plane = f_y * (1 - G * vehicle.roll_gain)
+    slip = (
+        vehicle.cg_to_front_axle
+        * vehicle.mass
+        / (vehicle.wheelbase * vehicle.rear_cornering_stiffness)
+    )
+    return vehicle.cg_to_rear_axle * drive.get("imu.gyro_z") - drive.speed * slip * in_plane
+
+
+def _model(force: Floats, speed: Floats, dt: float, params: KmbeParameters) -> LinearModel:
+    known = np.flatnonzero(np.isfinite(speed))
+    first = speed[known[0]] if len(known) else 0.0
+    return LinearModel(
+        x0=np.array([first, 0.0]),
+        P0=np.diag([1.0, (params.initial_grade_sd * G) ** 2]),
+        F=np.array([[[1.0, -dt], [0.0, 1.0]]]),
+        Q=np.diag([params.accel_noise**2 * dt, (G * params.grade_noise) ** 2 * dt])[None],
+        H=np.array([[[1.0, 0.0]]]),
+        R=np.array([[params.speed_sd**2]]),
+        u=np.stack([force * dt, np.zeros(len(force))], axis=1),
+        z=speed[:, None],
+    )
+
+
+KMBE = Estimator(
+    name="kmbe",
+    run=kmbe,
+    parameters=KmbeParameters,
+    needs=("imu.accel_x", ANY_SPEED),
+    gives=("grade",),
+    reference="Luo 2024, eq. (38)",
+    summary="kinematic Kalman filter: grade from speed and longitudinal acceleration",
+    vehicle=("pitch_gradient", "roll_gradient", "mass", "rear_cornering_stiffness"),
+)
