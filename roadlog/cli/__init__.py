@@ -1,1 +1,65 @@
 """The command line: parse, call, print."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from roadlog.cli import console
+from roadlog.errors import RoadlogError
+
+app = typer.Typer(
+    name="roadlog",
+    help="Road grade and bank, vehicle pitch and roll, from the log of an ordinary drive.",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from roadlog.version import __version__
+
+        console.say(f"roadlog {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _global(
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    _version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
+    ] = False,
+) -> None:
+    console.debug = debug
+
+
+def _register() -> None:
+    # command modules import what they compute with inside their functions: `--help` stays fast
+    from roadlog.cli.estimate import estimate
+    from roadlog.cli.estimators import estimators
+    from roadlog.cli.evaluate import evaluate
+
+    for command in (estimate, evaluate, estimators):
+        app.command()(command)
+
+
+_register()
+
+
+def main() -> None:
+    """Run the command line; exit codes as in design section 5."""
+    try:
+        app()
+    except RoadlogError as error:
+        if console.debug:
+            raise
+        console.complain(str(error))
+        sys.exit(1)

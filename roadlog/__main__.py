@@ -1,0 +1,5 @@
+"""`python -m roadlog`."""
+
+from roadlog.cli import main
+
+main()

@@ -1,0 +1,61 @@
+"""Printing: results on stdout, everything else on stderr."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import typer
+
+LOSS = 3  # exit code: finished, but something was lost
+PIPE_WIDTH = 140  # columns of a table that is not on a terminal
+
+debug = False
+
+
+def say(text: str) -> None:
+    """A line of result."""
+    sys.stdout.write(text + "\n")
+
+
+def complain(text: str) -> None:
+    """A line of diagnostics."""
+    sys.stderr.write(f"roadlog: {text}\n")
+
+
+def print_json(value: Any) -> None:
+    """The only thing on stdout; NaN is not JSON and would be refused here."""
+    say(json.dumps(value, indent=2, allow_nan=False))
+
+
+def print_table(
+    columns: Sequence[str], rows: Sequence[Sequence[str]], title: str = "", left: int = 1
+) -> None:
+    """A table; the first `left` columns are text, the rest figures."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text(title) if title else None, title_justify="left", box=None)
+    table.pad_edge = False
+    for k, column in enumerate(columns):
+        table.add_column(column, justify="left" if k < left else "right", no_wrap=k < left)
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row))
+    terminal = sys.stdout.isatty()
+    Console(width=None if terminal else PIPE_WIDTH, highlight=False).print(table)
+
+
+def figure(value: float | None, digits: int = 3) -> str:
+    """A number for a table; a dash where there is none."""
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def warn_losses(losses: Sequence[str]) -> None:
+    """Say on stderr what was lost, and end with the exit code for it."""
+    for loss in losses:
+        complain(f"warning: {loss}")
+    if losses:
+        raise typer.Exit(LOSS)

@@ -1,0 +1,161 @@
+"""`roadlog estimate`: run estimators and write their angles back into the log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from roadlog.cli import console
+
+if TYPE_CHECKING:
+    from roadlog.drive import Drive
+    from roadlog.estimate import Estimate
+    from roadlog.vehicle import Vehicle
+
+
+def estimate(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="MCAP logs.")],
+    names: Annotated[
+        list[str] | None,
+        typer.Option("-e", "--estimator", metavar="NAME", help="Only this one; repeatable."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Write here and leave LOG as it is.")
+    ] = None,
+    vehicle: Annotated[
+        Path | None, typer.Option(help="Vehicle file (TOML), instead of the log's own.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME.PARAM=VALUE", help="Set a parameter; repeatable."),
+    ] = None,
+    engine: Annotated[str, typer.Option(help="compiled (numba) or reference (filterpy).")] = (
+        "compiled"
+    ),
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Rate of the common clock.")] = 100.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Estimate the angles and write them into the log as /estimates/NAME/angles.
+
+    Without -e every estimator runs that the log has the signals for. An earlier result of the
+    same estimator is replaced; everything else in the file stays as it is.
+
+    Example: roadlog estimate drive.mcap -e kmbe --set kmbe.smooth=false
+    """
+    from roadlog.filters import ENGINES
+    from roadlog.vehicle import Vehicle
+
+    if engine not in ENGINES:
+        raise typer.BadParameter(f"must be {' or '.join(ENGINES)}", param_hint="--engine")
+    if not 1.0 <= rate <= 2000.0:
+        raise typer.BadParameter("must be between 1 and 2000 Hz", param_hint="--rate")
+    if out is not None and len(logs) > 1:
+        raise typer.BadParameter("takes one LOG", param_hint="--out")
+    parsed = _parse_settings(settings or [])
+    given = Vehicle.load(vehicle) if vehicle else None
+    reports, losses = [], []
+    for path in logs:
+        report, lost = _estimate_log(path, names, out, given, parsed, engine, rate)
+        reports.append(report)
+        losses += lost
+        if not as_json:
+            _print(report)
+    if as_json:
+        console.print_json(reports[0] if len(reports) == 1 else reports)
+    console.warn_losses(losses)
+
+
+def _estimate_log(
+    path: Path,
+    names: list[str] | None,
+    out: Path | None,
+    given: Vehicle | None,
+    settings: dict[str, dict[str, str]],
+    engine: Any,
+    rate: float,
+) -> tuple[dict[str, Any], list[str]]:
+    from roadlog import estimators
+    from roadlog.errors import EstimatorError
+    from roadlog.log import DriveLog
+
+    log = DriveLog(path)
+    drive = log.drive(rate)
+    vehicle = given or log.vehicle
+    skipped: dict[str, str] = {}
+    if names:
+        chosen = [estimators.get(name).name for name in dict.fromkeys(names)]
+    else:
+        chosen = []
+        for estimator in estimators.all_estimators():
+            missing = estimator.missing(drive)
+            if missing:
+                skipped[estimator.name] = f"no {', no '.join(missing)}"
+            else:
+                chosen.append(estimator.name)
+    by_name = {estimators.get(name).name: values for name, values in settings.items()}
+    unused = set(by_name) - set(chosen)
+    if unused:
+        raise typer.BadParameter(f"{', '.join(sorted(unused))} does not run", param_hint="--set")
+    if not chosen:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in skipped.items())
+        raise EstimatorError(f"{path}: no estimator can run. {reasons}")
+    estimates = [estimators.run(name, drive, vehicle, by_name.get(name), engine) for name in chosen]
+    log.write(estimates, drive, engine=engine, vehicle=given, out=out)
+    report = {
+        "log": str(out or path),
+        "duration_s": round(float(drive.time[-1]), 3),
+        "estimates": {e.name: _summary(e, drive) for e in estimates},
+        "cannot_run": skipped,
+    }
+    return report, [f"{path}: {loss}" for loss in log.losses]
+
+
+def _summary(estimate: Estimate, drive: Drive) -> dict[str, Any]:
+    return {
+        "angles": sorted(estimate.angles),
+        "samples": len(drive),
+        "valid_share": round(float(estimate.usable.mean()), 6),
+        "run_time_s": round(estimate.run_time, 4),
+        "parameters": dict(estimate.parameters),
+        "notes": list(estimate.notes),
+    }
+
+
+def _parse_settings(texts: list[str]) -> dict[str, dict[str, str]]:
+    """`NAME.PARAM=VALUE` texts as estimator -> parameter -> value."""
+    result: dict[str, dict[str, str]] = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        name, dot, parameter = key.partition(".")
+        if not (equals and dot and name and parameter):
+            raise typer.BadParameter(f"'{text}' is not NAME.PARAM=VALUE", param_hint="--set")
+        result.setdefault(name.strip(), {})[parameter.strip()] = value.strip()
+    return result
+
+
+def _print(report: dict[str, Any]) -> None:
+    rows = [
+        [
+            name,
+            ", ".join(entry["angles"]),
+            f"{100 * entry['valid_share']:.1f} %",
+            f"{entry['run_time_s']:.2f} s",
+        ]
+        for name, entry in report["estimates"].items()
+    ]
+    console.print_table(
+        ["estimator", "angles", "valid", "took"],
+        rows,
+        f"{report['log']}: {report['duration_s']:.1f} s",
+        left=2,
+    )
+    notes: dict[str, list[str]] = {}
+    for name, entry in report["estimates"].items():
+        for note in entry["notes"]:
+            notes.setdefault(note, []).append(name)
+    for note, names in notes.items():
+        console.complain(f"note: {', '.join(names)}: {note}")
+    for name, reason in report["cannot_run"].items():
+        console.complain(f"note: {name} cannot run: {reason}")

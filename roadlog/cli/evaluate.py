@@ -1,0 +1,104 @@
+"""`roadlog evaluate`: estimates against truth."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from roadlog.cli import console
+
+if TYPE_CHECKING:
+    from roadlog.metrics import AngleMetrics
+
+Metrics = dict[str, dict[str, "AngleMetrics"]]
+
+
+def evaluate(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs with estimates.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    csv: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write one row per estimator and angle.")
+    ] = None,
+    skip: Annotated[float, typer.Option(metavar="S", help="Leave out the first seconds.")] = 5.0,
+    remove_offset: Annotated[
+        bool, typer.Option(help="Subtract the mean error (unknown mounting).")
+    ] = False,
+) -> None:
+    """Compare every estimate in the log with its truth.
+
+    Errors are estimate minus truth at the truth's times, over valid samples. Angles: grade is
+    uphill +, pitch nose up +, bank and roll right side down +.
+
+    Example: roadlog evaluate drive.mcap --remove-offset
+    """
+    from roadlog import metrics
+    from roadlog.log import DriveLog
+
+    results: list[tuple[DriveLog, Metrics]] = []
+    for path in logs:
+        log = DriveLog(path)
+        results.append((log, metrics.evaluate(log, skip, remove_offset)))
+    if csv is not None:
+        _write_csv(csv, [(str(log.path), values) for log, values in results])
+    if as_json:
+        documents = [metrics.to_json(log, values, remove_offset) for log, values in results]
+        console.print_json(documents[0] if len(documents) == 1 else documents)
+    else:
+        for log, values in results:
+            _print(str(log.path), values, remove_offset)
+    console.warn_losses([f"{log.path}: {loss}" for log, _ in results for loss in log.losses])
+
+
+def _print(log: str, values: Metrics, remove_offset: bool) -> None:
+    offset = "removed offset" if remove_offset else "mean"
+    columns = ["estimator", "angle", "RMSE", offset, "MAE", "95 %", "max", "in 2 sd", "valid"]
+    rows = [
+        [
+            name,
+            angle,
+            console.figure(m.rmse_deg),
+            console.figure(m.bias_deg),
+            console.figure(m.mae_deg),
+            console.figure(m.p95_deg),
+            console.figure(m.max_deg),
+            _percent(m.within_2sd),
+            _percent(m.valid_share),
+        ]
+        for name, angles in values.items()
+        for angle, m in angles.items()
+    ]
+    ending = ", mean error removed" if remove_offset else ""
+    console.print_table(columns, rows, f"{log}: errors in degrees{ending}", left=2)
+    samples = max((m.n for angles in values.values() for m in angles.values()), default=0)
+    matched = min(
+        (m.matched_share or 0.0 for angles in values.values() for m in angles.values()),
+        default=0.0,
+    )
+    console.complain(f"compared at up to {samples} truth samples; at least {matched:.0%} matched")
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f} %"
+
+
+def _write_csv(path: Path, results: list[tuple[str, Metrics]]) -> None:
+    import csv
+
+    from roadlog.errors import LogWriteError
+    from roadlog.metrics import AngleMetrics
+
+    fields = ["log", "estimator", "angle", *AngleMetrics.__dataclass_fields__]
+    try:
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, fields)
+            writer.writeheader()
+            for log, values in results:
+                for name, angles in values.items():
+                    for angle, m in angles.items():
+                        key = {"log": log, "estimator": name, "angle": angle}
+                        writer.writerow(key | asdict(m))
+    except OSError as error:
+        raise LogWriteError(f"{path}: cannot be written: {error.strerror}") from error

@@ -1,0 +1,176 @@
+"""Estimates against truth (design section 7)."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from roadlog.drive import stale_limit
+from roadlog.errors import LogReadError
+from roadlog.log import AngleTrack, DriveLog
+from roadlog.signals import ANGLES, TRUTH_TOPIC
+from roadlog.types import Bools, Floats
+
+DEFAULT_SKIP = 5.0  # s, filters converge
+
+
+@dataclass(frozen=True)
+class AngleMetrics:
+    """Errors of one angle of one estimator; None where not defined.
+
+    n: samples compared. matched_share: truth samples at which there is an estimate.
+    valid_share: of those, the ones whose estimate is valid. *_deg: degrees; *_percent: grade in
+    percent. within_2sd: share of errors inside 2 standard deviations. nees: mean squared
+    error over variance.
+    """
+
+    n: int
+    matched_share: float | None
+    valid_share: float | None
+    bias_deg: float | None
+    rmse_deg: float | None
+    mae_deg: float | None
+    p95_deg: float | None
+    max_deg: float | None
+    std_deg: float | None
+    rmse_percent: float | None
+    mae_percent: float | None
+    within_2sd: float | None
+    nees: float | None
+
+
+@dataclass(frozen=True)
+class AngleErrors:
+    """Errors of one angle at the truth's times.
+
+    time: s after the truth's first sample. error: rad, estimate minus truth, wrapped; NaN where
+    there is no estimate. sd: rad, of the error. valid: compared. percent: error of 100 tan(angle).
+    """
+
+    time: Floats
+    error: Floats
+    sd: Floats
+    percent: Floats
+    matched: Bools
+    valid: Bools
+
+
+def evaluate(
+    log: DriveLog, skip: float = DEFAULT_SKIP, remove_offset: bool = False
+) -> dict[str, dict[str, AngleMetrics]]:
+    """Metrics of every estimate in a log: estimator -> angle -> metrics.
+
+    skip: s at the start of an estimate that do not count. remove_offset: subtract the mean error
+    (unknown mounting); `bias_deg` then is what was subtracted. Raises LogReadError when the log
+    has no truth or no estimate.
+    """
+    truth = log.truth()
+    if truth is None:
+        raise LogReadError(
+            f"{log.path}: has no truth on {TRUTH_TOPIC} to compare with; "
+            f"ingest one with a [truth] section in the profile"
+        )
+    if not log.estimators:
+        raise LogReadError(f"{log.path}: has no estimates yet; run `roadlog estimate {log.path}`")
+    result: dict[str, dict[str, AngleMetrics]] = {}
+    for name in log.estimators:
+        estimate = log.estimate(name)
+        result[name] = {
+            angle: angle_metrics(errors, angle, remove_offset)
+            for angle in ANGLES
+            if (errors := angle_errors(estimate, truth, angle, skip)) is not None
+        }
+    return result
+
+
+def angle_errors(
+    estimate: AngleTrack, truth: AngleTrack, angle: str, skip: float = DEFAULT_SKIP
+) -> AngleErrors | None:
+    """Errors of one angle at the truth's times; None when either side does not have it.
+
+    Linear interpolation of the estimate; no extrapolation, never across a gap.
+    """
+    if angle not in estimate.angles or angle not in truth.angles or not len(estimate.time):
+        return None
+    time = _seconds(truth, truth)
+    own = _seconds(estimate, truth)
+    true = truth.angles[angle]
+    counted = np.isfinite(true) & truth.valid & (time >= own[0] + skip)
+    after = np.clip(np.searchsorted(own, time), 1, max(len(own) - 1, 1))
+    before = after - 1
+    after = np.minimum(after, len(own) - 1)
+    inside = (time >= own[0]) & (time <= own[-1]) & (own[after] - own[before] <= stale_limit(own))
+    value = np.interp(time, own, estimate.angles[angle])
+    sd = np.interp(time, own, estimate.sd[angle])
+    true_sd = np.nan_to_num(truth.sd[angle])
+    error = (value - true + np.pi) % (2 * np.pi) - np.pi
+    usable = estimate.valid[before] & estimate.valid[after]
+    percent = 100 * (np.tan(value) - np.tan(true))
+    matched = counted & inside & np.isfinite(error)
+    return AngleErrors(
+        time[counted],
+        np.where(inside, error, np.nan)[counted],
+        np.hypot(sd, true_sd)[counted],
+        percent[counted],
+        matched[counted],
+        (matched & usable)[counted],
+    )
+
+
+def angle_metrics(errors: AngleErrors, angle: str, remove_offset: bool = False) -> AngleMetrics:
+    """The figures of one angle from its errors."""
+    matched = int(errors.matched.sum())
+    n = int(errors.valid.sum())
+    shares = (
+        matched / len(errors.time) if len(errors.time) else None,
+        n / matched if matched else None,
+    )
+    if n == 0:
+        return AngleMetrics(0, *shares, *[None] * 10)
+    error = errors.error[errors.valid]
+    bias = float(error.mean())
+    percent = errors.percent[errors.valid]
+    if remove_offset:
+        error = error - bias
+        percent = percent - percent.mean()
+    size = np.degrees(np.abs(error))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = error / errors.sd[errors.valid]
+    z = z[np.isfinite(z)]
+    is_grade = angle == "grade"
+    return AngleMetrics(
+        n,
+        *shares,
+        bias_deg=float(np.degrees(bias)),
+        rmse_deg=float(np.sqrt(np.mean(size**2))),
+        mae_deg=float(size.mean()),
+        p95_deg=float(np.percentile(size, 95)),
+        max_deg=float(size.max()),
+        std_deg=float(np.degrees(error.std())),
+        rmse_percent=float(np.sqrt(np.mean(percent**2))) if is_grade else None,
+        mae_percent=float(np.abs(percent).mean()) if is_grade else None,
+        within_2sd=float((np.abs(z) <= 2).mean()) if len(z) else None,
+        nees=float((z**2).mean()) if len(z) else None,
+    )
+
+
+def to_json(
+    log: DriveLog, metrics: dict[str, dict[str, AngleMetrics]], remove_offset: bool = False
+) -> dict[str, Any]:
+    """The object that `roadlog evaluate --json` prints (design section 7)."""
+    result: dict[str, Any] = {
+        "log": str(log.path),
+        "estimates": {
+            name: {angle: asdict(values) for angle, values in angles.items()}
+            for name, angles in metrics.items()
+        },
+    }
+    if remove_offset:
+        result["remove_offset"] = True
+    return result
+
+
+def _seconds(track: AngleTrack, origin: AngleTrack) -> Floats:
+    return np.multiply(track.time - origin.time[0], 1e-9)
