@@ -1,0 +1,89 @@
+"""The car in the road's plane under its tire forces: equations that both layers of tfobe share.
+
+Luo 2024, equations (2)-(5) and (12), corrected as in the Ryu/Luo chapter, sections 3.1 and 4.4.
+Wheels in the order fl, fr, rl, rr.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from roadlog.types import Floats
+from roadlog.units import STANDARD_GRAVITY as G
+from roadlog.vehicle import Vehicle
+
+PRINTED_DRAG_DIVISOR = 21.15  # eq. (4) means km/h but is fed m/s: drag 13 times too small
+
+
+class PlanarCar(NamedTuple):
+    """SI; drag in N s2/m2, dt the step in s."""
+
+    mass: float
+    yaw_inertia: float
+    front: float  # CG to front axle
+    rear: float
+    track: float
+    cg_height: float
+    wheel_radius: float
+    rolling_resistance: float
+    drag: float
+    dt: float
+
+
+def planar_car(vehicle: Vehicle, dt: float, printed: bool = False) -> PlanarCar:
+    """The model's parameters; `printed` leaves out what eqs. (4) and (5) leave out."""
+    drag = 0.5 * vehicle.air_density * vehicle.drag_area
+    return PlanarCar(
+        mass=vehicle.mass,
+        yaw_inertia=vehicle.yaw_inertia,
+        front=vehicle.cg_to_front_axle,
+        rear=vehicle.cg_to_rear_axle,
+        track=vehicle.track,
+        cg_height=vehicle.cg_height,
+        wheel_radius=vehicle.wheel_radius,
+        rolling_resistance=0.0 if printed else vehicle.rolling_resistance,
+        drag=vehicle.drag_area / PRINTED_DRAG_DIVISOR if printed else drag,
+        dt=dt,
+    )
+
+
+@njit(cache=True)
+def resultants(F: Floats, delta: float, car: PlanarCar) -> tuple[float, float, float]:
+    """Longitudinal and lateral force in N and yaw moment in N m of the tires on the car.
+
+    F (8,): longitudinal, then lateral forces in wheel axes. delta: rad, road wheel, left +.
+    """
+    c, s = np.cos(delta), np.sin(delta)
+    front_x, front_y = F[0] + F[1], F[4] + F[5]
+    rear_y = F[6] + F[7]
+    force_x = front_x * c - front_y * s + F[2] + F[3]
+    force_y = front_x * s + front_y * c + rear_y
+    half = 0.5 * car.track
+    moment = (
+        car.front * (front_x * s + front_y * c)
+        - half * ((F[0] - F[1]) * c + F[2] - F[3])
+        + half * (F[4] - F[5]) * s
+        - car.rear * rear_y
+    )
+    return force_x, force_y, moment
+
+
+def wheel_loads(f_x: Floats, f_y: Floats, vehicle: Vehicle) -> Floats:
+    """N, (n, 4), from the specific forces in the road's plane; eq. (12) without its cos(grade)."""
+    m, h, wheelbase = vehicle.mass, vehicle.cg_height, vehicle.wheelbase
+    length = m * h * f_x / (2 * wheelbase)
+    lateral = m * h * f_y / (wheelbase * vehicle.track)
+    front, rear = vehicle.cg_to_rear_axle, vehicle.cg_to_front_axle  # lever of the other axle
+    static = m * G / (2 * wheelbase)
+    return np.stack(
+        [
+            static * front - length - lateral * front,
+            static * front - length + lateral * front,
+            static * rear + length - lateral * rear,
+            static * rear + length + lateral * rear,
+        ],
+        axis=1,
+    )
