@@ -20,6 +20,7 @@ TABLE: dict[str, str] = {
     "debe": "roadlog.estimators.debe:DEBE",
     "kmbe": "roadlog.estimators.kmbe:KMBE",
     "lowpass_attitude": "roadlog.estimators.lowpass_attitude:LOWPASS_ATTITUDE",
+    "tfobe": "roadlog.estimators.tfobe:TFOBE",
 }
 
 ENTRY_POINTS = "roadlog.estimators"

@@ -11,12 +11,13 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numba import njit
 
-from roadlog.drive import Drive, runs
+from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
 from roadlog.estimators.driveline import NEEDS_TORQUE, Driveline, driveline, free_wheel_speed
+from roadlog.estimators.schedule import ScheduleParameters, schedule
 from roadlog.filters import Engine
-from roadlog.filters.gaps import age, hold
+from roadlog.filters.gaps import hold
 from roadlog.filters.ukf import (
     correct,
     mean_and_covariance,
@@ -33,7 +34,7 @@ RESTART_VARIANCE = 1.0  # (m/s)2, of the speed after a freeze; section 4.3
 
 
 @dataclass(frozen=True)
-class DebeParameters:
+class DebeParameters(ScheduleParameters):
     """Section 4.3 of the Ryu/Luo chapter unless said."""
 
     variant: Literal["corrected", "eq37_brake", "eq37"] = parameter(
@@ -45,11 +46,6 @@ class DebeParameters:
     speed_noise: float = parameter(0.05, "m/s2/sqrt(Hz)", "of the driving equation")
     speed_sd: float = parameter(0.02, "m/s", "of one speed sample of the grid")
     initial_grade_sd: float = parameter(0.05, "rad", "before the first sample")
-    min_speed: float = parameter(1.5, "m/s", "below it the grade is held; 0: never")
-    max_sd: float = parameter(0.035, "rad", "beyond this the grade is not valid; ours")
-    hold_time: float = parameter(0.2, "s", "inputs are held this long; section 4.8")
-    gap_time: float = parameter(3.0, "s", "the filter predicts this long without speed; 4.8")
-    settle_time: float = parameter(5.0, "s", "flagged as converging after a start; 4.8")
 
 
 class Resistance(NamedTuple):
@@ -73,15 +69,12 @@ def process(x: Floats, force: float, mass: float, car: Resistance, y: Floats) ->
 def debe(drive: Drive, vehicle: Vehicle, params: DebeParameters, engine: Engine) -> Estimate:
     """Grade from m_eff dv/dt = F_drive - F_brake - drag - rolling - m g sin(grade)."""
     line = driveline(drive, vehicle)
-    held = round(params.hold_time * drive.rate)
-    force, was_held = hold(_wheel_force(line, vehicle, params), held)
+    force, was_held = hold(
+        _wheel_force(line, vehicle, params), round(params.hold_time * drive.rate)
+    )
     mass = _effective_mass(line, vehicle, params)
     speed = free_wheel_speed(drive, vehicle)
-    since_speed = age(np.isfinite(speed)) * drive.dt
-    unknown = line.unknown | ~np.isfinite(force)
-    slow = hold(speed, round(params.gap_time * drive.rate))[0] < params.min_speed
-    since_force = age(~unknown) * drive.dt
-    runnable = (since_speed <= params.gap_time) & (slow | (since_force <= params.gap_time))
+    plan = schedule(drive, speed, np.isfinite(force) & ~line.unknown, params)
     car = Resistance(
         0.5 * vehicle.air_density * vehicle.drag_area,
         vehicle.rolling_resistance * vehicle.mass * G,
@@ -89,34 +82,21 @@ def debe(drive: Drive, vehicle: Vehicle, params: DebeParameters, engine: Engine)
         drive.dt,
     )
     n = len(drive)
-    grade, sd, started = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.inf)
-    repaired = np.zeros(n, np.bool_)
+    grade, sd, repaired = np.full(n, np.nan), np.full(n, np.nan), np.zeros(n, np.bool_)
     steps = _reference if engine == "reference" else _compiled
-    for run in _complete(runnable, speed):
+    for run in plan.runs:
         grade[run], sd[run], repaired[run] = steps(
             speed[run],
             np.nan_to_num(force[run]),
             mass[run],
-            (slow | unknown)[run],
+            plan.frozen[run],
             np.array([params.speed_noise**2, params.grade_noise**2]) * drive.dt,
             np.array([params.speed_sd**2]),
             np.array([RESTART_VARIANCE, params.initial_grade_sd**2]),
             car,
         )
-        started[run] = np.arange(run.stop - run.start) * drive.dt
-    running = np.isfinite(grade)
-    converging = running & (started < params.settle_time)
-    uncertain = running & (sd > params.max_sd)
-    flags = (
-        flag(~running | (since_speed > params.hold_time), "missing")
-        | flag(was_held, "held")
-        | flag(slow, "standstill")
-        | flag(converging, "converging")
-        | flag(repaired, "repaired")
-        | flag(uncertain, "uncertain")
-        | flag(unknown, "powertrain")
-    )
-    valid = running & ~converging & ~uncertain & ~repaired
+    valid, flags = plan.outcome(drive, grade, sd, repaired, params)
+    flags |= flag(was_held, "held")
     return Estimate(drive.time, {"grade": grade}, {"grade": sd}, valid, flags, notes=line.notes)
 
 
@@ -133,16 +113,6 @@ def _effective_mass(line: Driveline, vehicle: Vehicle, params: DebeParameters) -
     if params.variant != "corrected":
         return np.full(len(line.drive), vehicle.mass)
     return vehicle.mass + line.inertia.sum(axis=1) / vehicle.wheel_radius**2
-
-
-def _complete(runnable: Bools, speed: Floats) -> list[slice]:
-    """The runnable runs, each from its first known speed on."""
-    result = []
-    for run in runs(runnable):
-        known = np.flatnonzero(np.isfinite(speed[run]))
-        if len(known):
-            result.append(slice(run.start + int(known[0]), run.stop))
-    return result
 
 
 @njit(cache=True)
