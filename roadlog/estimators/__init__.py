@@ -18,8 +18,12 @@ from roadlog.vehicle import Vehicle
 # estimator -> the module and the attribute that define it; modules are imported when asked for
 TABLE: dict[str, str] = {
     "debe": "roadlog.estimators.debe:DEBE",
+    "gnss_ins": "roadlog.estimators.gnss_ins:GNSS_INS",
+    "imu_roll": "roadlog.estimators.gnss_ins:IMU_ROLL",
     "kmbe": "roadlog.estimators.kmbe:KMBE",
     "lowpass_attitude": "roadlog.estimators.lowpass_attitude:LOWPASS_ATTITUDE",
+    "roll_bank_obs": "roadlog.estimators.roll_bank_obs:ROLL_BANK_OBS",
+    "split_qs": "roadlog.estimators.split_qs:SPLIT_QS",
     "tfobe": "roadlog.estimators.tfobe:TFOBE",
 }
 

@@ -91,12 +91,17 @@ def lateral_velocity(drive: Drive, vehicle: Vehicle, f_y: Floats) -> Floats:
     road, because f_y' m is the tire force. Source: Ryu/Luo chapter, section 4 (v_y,ps).
     """
     in_plane = f_y * (1 - G * vehicle.roll_gain)
-    slip = (
+    v_y = vehicle.cg_to_rear_axle * drive.get("imu.gyro_z")
+    return v_y - drive.speed * tire_slip_compliance(vehicle) * in_plane
+
+
+def tire_slip_compliance(vehicle: Vehicle) -> float:
+    """rad/(m/s2), slip angle of the rear axle per lateral specific force: a m / (L C_r)."""
+    return (
         vehicle.cg_to_front_axle
         * vehicle.mass
         / (vehicle.wheelbase * vehicle.rear_cornering_stiffness)
     )
-    return vehicle.cg_to_rear_axle * drive.get("imu.gyro_z") - drive.speed * slip * in_plane
 
 
 def _model(force: Floats, speed: Floats, dt: float, params: KmbeParameters) -> LinearModel:

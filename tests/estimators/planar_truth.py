@@ -1,7 +1,7 @@
-"""A small car in the road's plane with linear tires: truth for tests that need no full simulator.
+"""A small rolling car with linear tires: truth for tests that need no full simulator.
 
-Independent of the estimators: its tires make their forces from slip, and it knows body roll and
-pitch, bank and grade. Not in it: suspension dynamics, relaxation, load sensitivity, sensor errors.
+Independent of the estimators' force layers: its tires make their forces from slip. Not in it:
+relaxation, load sensitivity, combined slip, pitch dynamics, roughness, sensor biases.
 """
 
 from __future__ import annotations
@@ -11,22 +11,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roadlog.drive import Drive
+from roadlog.drive import Drive, Samples
 from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import Vehicle
 
-RATE, STEPS = 100.0, 10  # Hz of the grid, integration steps in each
+RATE, STEPS = 100, 5  # Hz of the grid, integration steps in each
+GNSS_EVERY = 10
+DEG = np.pi / 180
 
 
 @dataclass(frozen=True)
 class PlanarTruth:
-    """A drive, and the truth on its grid: grade, bank, roll (rad), v_y (m/s), forces (N)."""
+    """A drive, and the truth on its grid: angles rad, beta rad, forces N."""
 
     drive: Drive
     grade: np.ndarray
     bank: np.ndarray
     roll: np.ndarray
-    v_y: np.ndarray
+    beta: np.ndarray
     lateral_front: np.ndarray
     lateral_rear: np.ndarray
     longitudinal: np.ndarray
@@ -35,69 +37,91 @@ class PlanarTruth:
 def planar_truth(
     vehicle: Vehicle,
     duration: float,
-    grade: Callable[[float], float],
-    steer: Callable[[float], float],
+    grade: Callable[[float], float] = lambda _t: 0.0,
+    steer: Callable[[float], float] = lambda _t: 0.0,
     accel: Callable[[float], float] = lambda _t: 0.0,
     bank: Callable[[float], float] = lambda _t: 0.0,
     speed: float = 10.0,
-    noise: float = 0.0,
+    gnss: bool = False,
+    noise: float = 1.0,
     seed: int = 1,
 ) -> PlanarTruth:
     """Drive for `duration` s; accel is the wanted acceleration. noise: 1 gives a good IMU's.
 
-    Brakes act on all wheels below zero force, the engine on the rear wheels above it.
+    Brakes act on all wheels below zero force, the engine on the rear wheels above it. The IMU and
+    the antennas sit at the CG, which the car rolls away from its roll axis.
     """
     m, a, b = vehicle.mass, vehicle.cg_to_front_axle, vehicle.cg_to_rear_axle
-    radius, k_drag = vehicle.wheel_radius, 0.5 * vehicle.air_density * vehicle.drag_area
+    h, i_x, radius = vehicle.roll_arm, vehicle.roll_inertia, vehicle.wheel_radius
+    drag = 0.5 * vehicle.air_density * vehicle.drag_area
     c_f, c_r = vehicle.front_cornering_stiffness, vehicle.rear_cornering_stiffness
-    rolling = vehicle.rolling_resistance * m * G
-    turning = 4 * vehicle.wheel_inertia / radius**2
+    k_r, b_r = float(vehicle.roll_stiffness or 0), float(vehicle.roll_damping or 0)
+    rolling, turning = vehicle.rolling_resistance * m * G, 4 * vehicle.wheel_inertia / radius**2
     n, dt = round(duration * RATE), 1.0 / (RATE * STEPS)
-    v, v_y, r = speed, 0.0, 0.0
+    v, v_y, r, phi, phi_dot, psi = speed, 0.0, 0.0, 0.0, 0.0, 0.0
     rows = []
-    for k in range(n):
-        for i in range(STEPS):
-            t = (k * STEPS + i) * dt
-            delta, wanted = steer(t), accel(t)
-            front = c_f * (delta - np.arctan2(v_y + a * r, v))
-            rear = c_r * -np.arctan2(v_y - b * r, v)
-            # what the wheels must give for the wanted acceleration, turning parts included
-            resist = k_drag * v * v + m * G * np.sin(grade(t)) - m * v_y * r + front * np.sin(delta)
-            tires = m * wanted + resist
-            torque = (tires + rolling + turning * wanted) * radius
-            v_dot = (tires - resist) / m
-            y_dot = (front * np.cos(delta) + rear) / m - v * r - G * np.sin(bank(t))
-            if i == 0:
-                f_x = (tires - k_drag * v * v - front * np.sin(delta)) / m
-                f_y = (front * np.cos(delta) + rear) / m
-                values = (grade(t), bank(t), v, v_y, r, delta, torque, f_x, f_y, front, rear, tires)
-                rows.append(values)
-            v, v_y = v + dt * v_dot, v_y + dt * y_dot
-            r += dt * (a * front * np.cos(delta) - b * rear) / vehicle.yaw_inertia
+    for step in range(n * STEPS):
+        t = step * dt
+        delta, wanted, slope, tilt = steer(t), accel(t), grade(t), bank(t)
+        before, after = bank(t - dt), bank(t + dt)
+        p_f = (after - before) / (2 * dt) + np.sin(slope) * r
+        p_f_dot = (after - 2 * tilt + before) / dt**2
+        front = c_f * (delta - np.arctan2(v_y + a * r, v))
+        rear = c_r * -np.arctan2(v_y - b * r, v)
+        side = front * np.cos(delta) + rear
+        resist = drag * v * v + m * G * np.sin(slope) - m * v_y * r + front * np.sin(delta)
+        tires = m * wanted + resist
+        torque = (tires + rolling + turning * wanted) * radius
+        roll_accel = (h * side + (m * G * h - k_r) * phi - b_r * phi_dot) / i_x
+        if step % STEPS == 0:
+            f_x = (tires - drag * v * v - front * np.sin(delta)) / m
+            p = phi_dot + p_f
+            rows.append(
+                (slope, tilt, v, v_y, r, delta, torque, f_x, side / m, front, rear, tires, phi, p, psi)
+            )  # fmt: skip
+        v += dt * wanted
+        v_y += dt * (side / m - v * r - G * np.sin(tilt) + h * roll_accel)
+        r += dt * (a * front * np.cos(delta) - b * rear) / vehicle.yaw_inertia
+        phi_dot += dt * (roll_accel - p_f_dot)
+        phi += dt * phi_dot
+        psi += dt * r
     columns = np.array(rows).T
-    slope, tilt, v, v_y, r, delta, torque, f_x, f_y, front, rear, tires = columns
+    slope, tilt, v, v_y, r, delta, torque, f_x, f_y, front, rear, tires, phi, p, psi = columns
     rng = np.random.default_rng(seed)
 
     def noisy(values: np.ndarray, sd: float) -> np.ndarray:
-        return values + noise * sd * rng.standard_normal(n)
+        return values + noise * sd * rng.standard_normal(len(values))
 
-    # the IMU tilts with the body: it sees the car's vertical share of gravity too
+    time = np.arange(n) / RATE
+    pitch_total = slope + vehicle.pitch_gain * f_x
     signals = {
         "imu.accel_x": noisy(f_x / (1 - G * vehicle.pitch_gain), 0.02),
-        "imu.accel_y": noisy(f_y / (1 - G * vehicle.roll_gain), 0.02),
+        "imu.accel_y": noisy(f_y * np.cos(phi) + G * np.sin(phi), 0.02),
         "imu.accel_z": np.full(n, G),
-        "imu.gyro_x": np.zeros(n),
-        "imu.gyro_y": np.zeros(n),
+        "imu.gyro_x": noisy(p, 0.001),
+        "imu.gyro_y": noisy(-np.gradient(pitch_total, time), 0.001),
         "imu.gyro_z": noisy(r, 0.001),
         "steering.road_wheel_angle": delta,
         "speed.v": noisy(v, 0.01),
     }
     for wheel in ("fl", "fr", "rl", "rr"):
-        driven = wheel[0] == "r"
         signals[f"wheel_speeds.{wheel}"] = noisy(v, 0.01)
-        drives = np.maximum(torque, 0.0) / 2 * driven
-        signals[f"wheel_torques.drive_{wheel}"] = drives
+        driven = wheel[0] == "r"
+        signals[f"wheel_torques.drive_{wheel}"] = np.maximum(torque, 0.0) / 2 * driven
         signals[f"wheel_torques.brake_{wheel}"] = np.maximum(-torque, 0.0) / 4
-    drive = Drive(np.arange(n) / RATE, 0, RATE, signals, {})
-    roll = vehicle.roll_gain * f_y / (1 - G * vehicle.roll_gain)
-    return PlanarTruth(drive, slope, tilt, roll, v_y, front, rear, tires)
+    native = {}
+    if gnss:
+        fix = slice(None, None, GNSS_EVERY)
+        own = time[fix]
+        course = psi + np.arctan2(v_y - h * p, v)
+        fields = {
+            "speed": noisy(np.hypot(v, v_y - h * p)[fix], 0.03),
+            "course": noisy(course[fix], 0.03 / speed),
+            "climb": noisy((v * np.sin(slope))[fix], 0.045),
+            "heading": noisy(psi[fix], 0.15 * DEG),
+            "roll": noisy((tilt + phi)[fix], 0.20 * DEG),
+        }
+        native["gnss"] = Samples(own, fields)
+        signals |= {f"gnss.{k}": np.interp(time, own, values) for k, values in fields.items()}
+    drive = Drive(time, 0, float(RATE), signals, native)
+    return PlanarTruth(drive, slope, tilt, phi, np.arctan2(v_y, v), front, rear, tires)

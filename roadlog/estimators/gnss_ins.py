@@ -1,0 +1,86 @@
+"""The total-roll layers as estimators of their own: `gnss_ins` and `imu_roll`.
+
+Ryu/Luo chapter, sections 4.7 and 4.7b; the filters are in `total_roll`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from roadlog.drive import Drive
+from roadlog.estimate import Detail, Estimate
+from roadlog.estimators import total_roll
+from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
+from roadlog.estimators.total_roll import GNSS_GAP, TotalRoll
+from roadlog.filters import Engine
+from roadlog.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class TotalRollParameters:
+    """The tuning of section 4.7 is fixed in `total_roll`."""
+
+    smooth: bool = parameter(True, "", "Rauch-Tung-Striebel smoothing over the whole drive")
+
+
+def gnss_ins(
+    drive: Drive, vehicle: Vehicle, params: TotalRollParameters, engine: Engine
+) -> Estimate:
+    """Total roll, and sideslip at the roll axis under the CG, from two antennas and the IMU."""
+    return _estimate(drive, total_roll.gnss_ins(drive, vehicle, params.smooth, engine))
+
+
+def imu_roll(
+    drive: Drive, vehicle: Vehicle, params: TotalRollParameters, engine: Engine
+) -> Estimate:
+    """Total roll from the IMU and the speed."""
+    return _estimate(drive, total_roll.imu_roll(drive, vehicle, params.smooth, engine))
+
+
+def _estimate(drive: Drive, total: TotalRoll) -> Estimate:
+    missing = ~np.isfinite(total.angle) | (total.since_update > GNSS_GAP)
+    details = {}
+    if np.isfinite(total.beta).any():
+        columns = {
+            "sideslip": total.beta,
+            "sideslip_sd": total.beta_sd,
+            "lateral_velocity": total.lateral_velocity,
+            "lateral_velocity_sd": total.lateral_velocity_sd,
+        }
+        details["sideslip"] = Detail("roadlog.v1.Sideslip", drive.time, columns)
+    return Estimate(
+        drive.time,
+        {"roll_total": total.angle},
+        {"roll_total": total.sd},
+        ~missing,
+        flag(missing, "missing"),
+        details,
+        [total.note],
+    )
+
+
+_INERTIAL = ("imu.accel_x", "imu.accel_y", "imu.gyro_x", "imu.gyro_y", "imu.gyro_z")
+
+GNSS_INS = Estimator(
+    name="gnss_ins",
+    run=gnss_ins,
+    parameters=TotalRollParameters,
+    needs=(*_INERTIAL, *(f"gnss.{f}" for f in ("speed", "course", "climb", "heading", "roll"))),
+    gives=("roll_total",),
+    reference="Ryu 2004, section on the GPS/INS layer",
+    summary="total roll and sideslip from two GNSS antennas and the IMU",
+    vehicle=("pitch_gradient", "roll_arm", "imu_position", "antenna_position"),
+)
+
+IMU_ROLL = Estimator(
+    name="imu_roll",
+    run=imu_roll,
+    parameters=TotalRollParameters,
+    needs=(*_INERTIAL, ANY_SPEED),
+    gives=("roll_total",),
+    reference="Ryu/Luo chapter, section 4.7b",
+    summary="total roll from the IMU and the speed, for logs without two antennas",
+    vehicle=("pitch_gradient", "roll_gradient", "rear_cornering_stiffness"),
+)
