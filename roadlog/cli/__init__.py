@@ -46,8 +46,9 @@ def _register() -> None:
     from roadlog.cli.estimate import estimate
     from roadlog.cli.estimators import estimators
     from roadlog.cli.evaluate import evaluate
+    from roadlog.cli.simulate import scenarios, simulate
 
-    for command in (estimate, evaluate, estimators):
+    for command in (estimate, evaluate, estimators, simulate, scenarios):
         app.command()(command)
 
 
