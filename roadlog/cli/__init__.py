@@ -46,8 +46,10 @@ def _register() -> None:
     from roadlog.cli.estimate import estimate
     from roadlog.cli.estimators import estimators
     from roadlog.cli.evaluate import evaluate
+    from roadlog.cli.ingest import ingest
+    from roadlog.cli.profiles import profiles
 
-    for command in (estimate, evaluate, estimators):
+    for command in (ingest, profiles, estimate, evaluate, estimators):
         app.command()(command)
 
 
