@@ -46,9 +46,12 @@ def _register() -> None:
     from roadlog.cli.estimate import estimate
     from roadlog.cli.estimators import estimators
     from roadlog.cli.evaluate import evaluate
+    from roadlog.cli.ingest import ingest
+    from roadlog.cli.profiles import profiles
     from roadlog.cli.simulate import scenarios, simulate
 
-    for command in (estimate, evaluate, estimators, simulate, scenarios):
+    commands = (ingest, estimate, evaluate, simulate, estimators, profiles, scenarios)
+    for command in commands:
         app.command()(command)
 
 
