@@ -49,8 +49,9 @@ def _register() -> None:
     from roadlog.cli.ingest import ingest
     from roadlog.cli.profiles import profiles
     from roadlog.cli.simulate import scenarios, simulate
+    from roadlog.cli.view import view
 
-    commands = (ingest, estimate, evaluate, simulate, estimators, profiles, scenarios)
+    commands = (ingest, estimate, evaluate, view, simulate, estimators, profiles, scenarios)
     for command in commands:
         app.command()(command)
 

@@ -44,7 +44,9 @@ class IngestResult:
     losses: list[str]
 
 
-def ingest(sources: Sequence[Path | str], profile: Profile | str | Path | None = None) -> IngestResult:
+def ingest(
+    sources: Sequence[Path | str], profile: Profile | str | Path | None = None
+) -> IngestResult:
     """Read the sources of one drive and map them.
 
     profile: a Profile, a file, the name of a shipped one, or None where the source says what it

@@ -51,7 +51,9 @@ def read(path: Path, profile: Profile) -> Recording:
     time, keep = _stamps(columns.pop(clock), profile.clock.unit, path)
     if not keep.all():
         losses.append(f"{path.name}: {int((~keep).sum())} rows without a time left out")
-    values = {n: columns[n][keep] if n in columns else _Absent(len(time)) for n in names if n != clock}
+    values = {
+        n: columns[n][keep] if n in columns else _Absent(len(time)) for n in names if n != clock
+    }
     return Recording((Frame("", path.name, time, values),), tuple(losses))
 
 
@@ -78,7 +80,9 @@ def _delimiter(line: str) -> str:
 def _time_column(names: list[str], clock: Clock, path: Path) -> str:
     if clock.column:
         if clock.column not in names:
-            raise ConfigError(f"{path}: no time column '{clock.column}'. {near(clock.column, names)}")
+            raise ConfigError(
+                f"{path}: no time column '{clock.column}'. {near(clock.column, names)}"
+            )
         return clock.column
     folded = {name.lower(): name for name in reversed(names)}
     for name in times.TIME_NAMES:
