@@ -108,7 +108,7 @@ class Profile:
 
     @classmethod
     def from_toml(cls, text: str, name: str, where: str = "") -> Profile:
-        """Parse a profile's text; every unknown key, role or unit is a ConfigError that names it."""
+        """Parse a profile; an unknown key, role or unit is a ConfigError that names it."""
         where = where or f"profile {name}"
         try:
             document = tomllib.loads(text)
