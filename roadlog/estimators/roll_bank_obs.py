@@ -23,12 +23,11 @@ from roadlog.filters import Engine
 from roadlog.filters.discretize import zero_order_hold
 from roadlog.filters.gaps import age, hold
 from roadlog.filters.kalman import correct_scalar, predict
-from roadlog.types import Floats
+from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import Vehicle
 
 STATES, ROWS = 8, 4
-BETA_SPEED = 3.0  # m/s, below it sideslip is not measured; section 4.6
 LINEAR_FORCE = 5.0  # m/s2, lateral, up to which tires are linear; section 4.6
 SPEED_STEP = 0.02  # m/s, change of speed at which the model is discretized anew; section 4.6
 INITIAL_VARIANCE = np.array([0.05, 0.1, 0.05, 0.3, 0.08, 0.2, 1.0, 0.05]) ** 2
@@ -46,6 +45,7 @@ class RollBankParameters:
     """Section 4.6 of the Ryu/Luo chapter; the noise is in `system`."""
 
     min_speed: float = parameter(1.5, "m/s", "below it the steady-state split is given")
+    beta_speed: float = parameter(3.0, "m/s", "below it sideslip is not measured")
     settle_time: float = parameter(5.0, "s", "flagged as converging after a start; section 4.8")
     smooth: bool = parameter(
         True, "", "smooth total roll and sideslip over the whole drive; the observer is causal"
@@ -142,7 +142,7 @@ def roll_bank_obs(
     slow = speed < params.min_speed
     runnable = np.isfinite(speed) & np.isfinite(steer) & np.isfinite(total.angle)
     runnable &= (inertial * drive.dt <= INERTIAL_GAP) & ~slow
-    z = _rows(total, speed)
+    z = _rows(total, speed >= params.beta_speed)
     R = MEASUREMENT_SD**2
     if total.source == "imu_roll":
         R = np.where(np.arange(ROWS) == 2, IMU_ROLL_SD**2, R)
@@ -187,10 +187,10 @@ def roll_bank_obs(
     )
 
 
-def _rows(total: TotalRoll, speed: Floats) -> Floats:
+def _rows(total: TotalRoll, with_beta: Bools) -> Floats:
     """(n, 4): sideslip, yaw rate, total roll, roll rate; total roll only while it is fresh."""
     fresh = total.since_update <= GNSS_GAP
-    beta = np.where((speed >= BETA_SPEED) & fresh, total.beta, np.nan)
+    beta = np.where(with_beta & fresh, total.beta, np.nan)
     angle = np.where(fresh, total.angle, np.nan)
     return np.column_stack([beta, total.yaw_rate, angle, total.roll_rate])
 

@@ -1,4 +1,7 @@
-"""When a driving-force filter runs, freezes or is off (Ryu/Luo chapter, sections 4.3, 4.4.7, 4.8)."""
+"""When a driving-force filter runs, freezes or is off.
+
+Ryu/Luo chapter, sections 4.3, 4.4.7 and 4.8.
+"""
 
 from __future__ import annotations
 
@@ -55,9 +58,7 @@ class Schedule:
         return running & ~converging & ~uncertain & ~repaired, flags
 
 
-def schedule(
-    drive: Drive, speed: Floats, known: Bools, params: ScheduleParameters
-) -> Schedule:
+def schedule(drive: Drive, speed: Floats, known: Bools, params: ScheduleParameters) -> Schedule:
     """Where to filter: known is True where every input is, speed is NaN where it is not.
 
     At low speed the car's forces say nothing (a held brake reads as a steep grade), so there the

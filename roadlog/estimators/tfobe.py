@@ -32,7 +32,6 @@ from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import Vehicle
 
-Variant = Literal["corrected", "fx", "text", "printed"]
 # rows of the lower and of the upper layer that a variant measures; sections 3.2, 4.4.3 and 4.5
 TIRE_ROWS: dict[str, tuple[int, ...]] = {
     "corrected": (0, 2, 3, 4, 5, 6, 7, 8, 9, 10),
@@ -55,7 +54,7 @@ MIN_LOAD = 100.0  # N; a lifted wheel must not divide by zero
 class TfobeParameters(ScheduleParameters):
     """Sections 4.4 and 4.5 of the Ryu/Luo chapter; the filters' own tuning is in their modules."""
 
-    variant: Variant = parameter(
+    variant: Literal["corrected", "fx", "text", "printed"] = parameter(
         "corrected",
         "",
         "corrected; fx: also the accelerometer along x; text and printed: the paper's two readings",
@@ -178,7 +177,7 @@ def _hold(inputs: tire_ukf.TireInputs, limit: int) -> tuple[tire_ukf.TireInputs,
     return tire_ukf.TireInputs(delta, torque, brake, load, inertia), known, was_held
 
 
-def _rows(signals: _Signals, variant: Variant) -> tuple[Floats, Floats]:
+def _rows(signals: _Signals, variant: str) -> tuple[Floats, Floats]:
     """Measurements of the lower (n, 11) and the upper layer (n, 5), NaN where not used."""
     n = len(signals.speed)
     common = [signals.speed, signals.f_x, signals.f_y, signals.yaw_rate]

@@ -8,7 +8,7 @@ from numba import njit
 from roadlog.types import Floats
 
 TAYLOR_ORDER = 8
-MAX_NORM = 0.25  # of the system matrix times the sub-step, where the series is exact to 1e-15
+MAX_NORM = 0.125  # of the system matrix times the sub-step; Simpson is then right to 2e-8
 
 
 @njit(cache=True)
@@ -38,9 +38,7 @@ def _exponential(A: Floats, step: float) -> Floats:
 
 
 @njit(cache=True)
-def zero_order_hold(
-    F: Floats, G: Floats, Qc: Floats, dt: float
-) -> tuple[Floats, Floats, Floats]:
+def zero_order_hold(F: Floats, G: Floats, Qc: Floats, dt: float) -> tuple[Floats, Floats, Floats]:
     """dx/dt = F x + G u + noise of spectral density diag Qc -> Phi (n, n), Gamma (n,), Qd (n, n).
 
     F (n, n), G (n,): one input, held over dt seconds. The series runs on dt / 2^q and is squared

@@ -75,10 +75,8 @@ def planar_truth(
         roll_accel = (h * side + (m * G * h - k_r) * phi - b_r * phi_dot) / i_x
         if step % STEPS == 0:
             f_x = (tires - drag * v * v - front * np.sin(delta)) / m
-            p = phi_dot + p_f
-            rows.append(
-                (slope, tilt, v, v_y, r, delta, torque, f_x, side / m, front, rear, tires, phi, p, psi)
-            )  # fmt: skip
+            motion = (slope, tilt, v, v_y, r, delta, phi, phi_dot + p_f, psi)
+            rows.append((*motion, torque, f_x, side / m, front, rear, tires))
         v += dt * wanted
         v_y += dt * (side / m - v * r - G * np.sin(tilt) + h * roll_accel)
         r += dt * (a * front * np.cos(delta) - b * rear) / vehicle.yaw_inertia
@@ -86,7 +84,7 @@ def planar_truth(
         phi += dt * phi_dot
         psi += dt * r
     columns = np.array(rows).T
-    slope, tilt, v, v_y, r, delta, torque, f_x, f_y, front, rear, tires, phi, p, psi = columns
+    slope, tilt, v, v_y, r, delta, phi, p, psi, torque, f_x, f_y, front, rear, tires = columns
     rng = np.random.default_rng(seed)
 
     def noisy(values: np.ndarray, sd: float) -> np.ndarray:
