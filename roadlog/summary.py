@@ -65,12 +65,12 @@ def summarize(log: DriveLog) -> LogSummary:
     from roadlog import estimators
 
     tables = log.tables()
+    drive: Drive | None = None
     try:
         drive = log.drive()
-    except LogReadError as error:
-        drive, warnings = None, [str(error)]
-    else:
         warnings = implausible(drive)
+    except LogReadError as error:
+        warnings = [str(error)]
     can_run, cannot_run = [], {}
     for estimator in estimators.all_estimators():
         missing = estimator.missing(drive) if drive is not None else list(estimator.needs)
