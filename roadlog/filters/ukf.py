@@ -15,7 +15,9 @@ from numba import njit
 from roadlog.types import Floats
 
 ALPHA, BETA, KAPPA = 1.0, 2.0, 0.0
-CENTER_COVARIANCE_WEIGHT = 1.0 - ALPHA**2 + BETA  # the center's weight in the mean is 0
+# the center weighs 0 in the mean and 1 - alpha^2 + beta in the covariance, the others 1 / (2 n)
+CENTER_SCALE = np.sqrt(1.0 - ALPHA**2 + BETA)
+REORDER = {"reassoc", "contract"}  # sums may be vectorized; NaN and infinity keep their meaning
 FIRST_REPAIR, REPAIRS = 1e-12, 12  # added to the correlation's diagonal, times 10 each try
 
 
@@ -73,23 +75,31 @@ def sigma_points(x: Floats, P: Floats, X: Floats) -> bool:
     return repaired
 
 
+@njit(cache=True, fastmath=REORDER)
+def _dot(a: Floats, b: Floats) -> float:
+    s = 0.0
+    for i in range(len(a)):
+        s += a[i] * b[i]
+    return s
+
+
 @njit(cache=True)
 def mean_and_covariance(X: Floats, Q: Floats, x: Floats, P: Floats) -> None:
     """Mean and covariance of propagated sigma points, with noise diag Q added, into x and P."""
-    points, n = X.shape
-    weight = 1.0 / (points - 1)
+    n = X.shape[1]
     for j in range(n):
         x[j] = 0.0
-        for p in range(1, points):
+        for p in range(1, len(X)):
             x[j] += X[p, j]
-        x[j] *= weight
-    D = X - x
+        x[j] /= len(X) - 1
+    D = np.empty((n, len(X)))
+    for i in range(n):
+        for p in range(len(X)):
+            D[i, p] = X[p, i] - x[i]
+        D[i, 0] *= CENTER_SCALE * np.sqrt(len(X) - 1.0)
     for i in range(n):
         for j in range(i + 1):
-            s = 0.0
-            for p in range(1, points):
-                s += D[p, i] * D[p, j]
-            P[i, j] = s * weight + CENTER_COVARIANCE_WEIGHT * D[0, i] * D[0, j]
+            P[i, j] = _dot(D[i], D[j]) / (len(X) - 1)
             P[j, i] = P[i, j]
         P[i, i] += Q[i]
 
@@ -101,54 +111,45 @@ def correct(x: Floats, P: Floats, X: Floats, Z: Floats, z: Floats, R: Floats) ->
     X (2 n + 1, n): sigma points of (x, P). Z (2 n + 1, m): what each point would measure.
     """
     points, n = X.shape
-    weight = 1.0 / (points - 1)
     rows = np.flatnonzero(np.isfinite(z))
     m = len(rows)
     if m == 0:
         return
-    D = np.empty((points, m))
-    residual = np.empty(m)
+    center = CENTER_SCALE * np.sqrt(points - 1.0)
+    D, residual = np.empty((m, points)), np.empty(m)
     for i in range(m):
         mean = 0.0
         for p in range(1, points):
             mean += Z[p, rows[i]]
-        mean *= weight
+        mean /= points - 1
         residual[i] = z[rows[i]] - mean
         for p in range(points):
-            D[p, i] = Z[p, rows[i]] - mean
-    S = np.empty((m, m))
+            D[i, p] = Z[p, rows[i]] - mean
+        D[i, 0] *= center
+    S, A, d = np.empty((m, m)), np.empty((n, m)), np.empty(points)
     for i in range(m):
         for j in range(i + 1):
-            s = 0.0
-            for p in range(1, points):
-                s += D[p, i] * D[p, j]
-            S[i, j] = s * weight + CENTER_COVARIANCE_WEIGHT * D[0, i] * D[0, j]
+            S[i, j] = _dot(D[i], D[j]) / (points - 1)
             S[j, i] = S[i, j]
         S[i, i] += R[rows[i]]
+    for i in range(n):
+        for p in range(points):
+            d[p] = X[p, i] - x[i]
+        d[0] *= center
+        for j in range(m):
+            A[i, j] = _dot(d, D[j]) / (points - 1)
     L = np.empty((m, m))
     cholesky(S, L)
-    # A = Pxz L^-T: then K S K' = A A' and K residual = A (L^-1 residual)
-    A = np.empty((n, m))
-    for i in range(n):
-        for j in range(m):
-            s = 0.0
-            for p in range(1, points):
-                s += (X[p, i] - x[i]) * D[p, j]
-            s = s * weight + CENTER_COVARIANCE_WEIGHT * (X[0, i] - x[i]) * D[0, j]
-            for k in range(j):
-                s -= L[j, k] * A[i, k]
-            A[i, j] = s / L[j, j]
+    # A, so far Pxz, becomes Pxz L^-T: then K S K' = A A' and K residual = A (L^-1 residual)
     for j in range(m):
-        for k in range(j):
-            residual[j] -= L[j, k] * residual[k]
-        residual[j] /= L[j, j]
+        scale = 1.0 / L[j, j]
+        residual[j] = (residual[j] - _dot(L[j, :j], residual[:j])) * scale
+        for i in range(n):
+            A[i, j] = (A[i, j] - _dot(L[j, :j], A[i, :j])) * scale
     for i in range(n):
-        for j in range(m):
-            x[i] += A[i, j] * residual[j]
-    for i in range(n):
+        x[i] += _dot(A[i], residual)
         for j in range(i + 1):
-            for k in range(m):
-                P[i, j] -= A[i, k] * A[j, k]
+            P[i, j] -= _dot(A[i], A[j])
             P[j, i] = P[i, j]
 
 
