@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from roadlog.simulate.profiles import Hills, Knots, Launches, Sine, StopAndGo, accelerations
-from roadlog.simulate.scenario import RoadShape, Scenario
+from roadlog.simulate.scenario import Chirp, RoadShape, Scenario, Wave
 from roadlog.simulate.sensors import CanSensors, FuelSender, GnssReceiver, ImuSensor, Sensors
 from roadlog.simulate.straight import PitchModel
 from roadlog.units import STANDARD_GRAVITY as G
@@ -177,6 +177,159 @@ def _wang() -> list[Scenario]:
     ]
 
 
+# Luo 2024: Ryu/Luo chapter, section 5.8 --------------------------------------------------------
+
+CLASS_A = 16e-6  # m3, ISO 8608
+_RAMP = "(0,-1.8)(27,-1.8)(35.7,3.4)(57,3.4)(69,-3.9)(88,-3.9)(98,1)(107,1)(112,-1.5)(118,0)"
+_S2_SPEED = (
+    "(0,9.7)(5,9.7)(12.3,6.4)(21,6.4)(29,10.8)(46,10.8)(54,7.6)(68,7.6)(73,9.6)(78,7.4)(81,7.4)"
+    "(85.6,11)(90,8.2)(95,11.2)(107,9.2)"
+)
+_S3_BENDS = "(5,12,90)(21,29,-80)(36,68,60)(76,92,-70)(98,107,90)"  # s, s, m left +
+_S3_ENTRY = 40.0  # m, over which a bend comes in and goes out
+_STEEPEST_BANK, _AT_CURVATURE = -0.04, 1 / 60  # superelevation of s3b
+
+
+def _at_time(t: float) -> float:
+    """m along the ramp road at a time of the constant-speed drive."""
+    return 48.5 + 9.7 * t
+
+
+def _bends(speed: Knots) -> tuple[tuple[float, float], ...]:
+    """Curvature over distance from bends that are given in time."""
+    time = np.arange(0.0, 120.0, 0.01)
+    v = speed.sample(time)
+    distance = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * 0.01)]) + _at_time(0.0)
+    points = []
+    for t0, t1, radius in _tuples(_S3_BENDS):
+        first, last = np.interp([t0, t1], time, distance)
+        half = _S3_ENTRY / 2
+        points += [(first - half, 0.0), (first + half, 1 / radius)]
+        points += [(last - half, 1 / radius), (last + half, 0.0)]
+    return tuple((float(s), float(bend)) for s, bend in points)
+
+
+def _luo() -> list[Scenario]:
+    ramp = Knots(tuple((_at_time(t), p / 100) for t, p in _tuples(_RAMP)), (10.0,))
+    speed = Knots(tuple((t, v) for t, v in _tuples(_S2_SPEED)), (0.8,), over="time")
+    bends = Knots(_bends(speed))
+    gain = _STEEPEST_BANK / _AT_CURVATURE
+    bank = Knots(tuple((s, gain * bend) for s, bend in bends.points))
+    s1 = Scenario(
+        "luo2024-s1",
+        "straight ramps of -3.9 to +3.4 % at 9.7 m/s (118 s)",
+        9.7,
+        RoadShape(grade=ramp, roughness=CLASS_A),
+        duration=118.0,
+    )
+    s2 = replace(s1, name="luo2024-s2", summary="the same ramps at 6 to 11 m/s", speed=speed)
+    s3 = replace(
+        s2,
+        name="luo2024-s3",
+        summary="the same ramps and speeds through bends of 60 to 90 m radius",
+        road=replace(s1.road, curvature=bends),
+    )
+    s3b = replace(
+        s3,
+        name="luo2024-s3b",
+        summary="the same bends with superelevation",
+        road=replace(s3.road, bank=bank),
+    )
+    road1 = Scenario(
+        "luo2024-road1",
+        "straight slope to 6 % at a wavering 7 m/s (25 s)",
+        Sine(7.0, 0.8, 9.0),
+        RoadShape(
+            grade=Knots(((40.0, 0.0), (60.0, 0.045), (110.0, 0.06), (150.0, 0.05), (190.0, 0.055))),
+            roughness=CLASS_A,
+        ),
+        duration=25.0,
+    )
+    road2 = Scenario(
+        "luo2024-road2",
+        "5 % slope through a bend of 30 m radius at 7 m/s (19 s)",
+        7.0,
+        RoadShape(
+            grade=Knots(((40.0, 0.02), (60.0, 0.05))),
+            curvature=Knots(((50.0, 0.0), (70.0, 1 / 30))),
+            roughness=CLASS_A,
+        ),
+        duration=19.0,
+    )
+    helix = Scenario(
+        "luo2024-helix",
+        "5 % spiral of 25 m radius at 8 m/s (40 s)",
+        8.0,
+        RoadShape(grade=0.05, curvature=Knots(((60.0, 0.0), (80.0, 1 / 25))), roughness=CLASS_A),
+        duration=40.0,
+    )
+    stopgo = Scenario(
+        "luo2024-stopgo",
+        "stop with held brakes on a 4 % slope and drive on (40 s)",
+        Knots(((0.0, 9.0), (8.0, 9.0), (14.0, 0.0), (20.0, 0.0), (26.0, 7.0)), over="time"),
+        RoadShape(grade=Knots(((60.0, 0.01), (90.0, 0.04))), roughness=CLASS_A),
+        duration=40.0,
+    )
+    return [s1, s2, s3, s3b, road1, road2, helix, stopgo]
+
+
+# Ryu 2004: the same section -------------------------------------------------------------------
+
+_LAPS_WAVES = (
+    Wave(0.03, 18.0, 0.4, 0.3),
+    Wave(0.012, 9.0, 1.7, 1.1),
+    Wave(0.05, 30.0, 2.5, 2.0),
+)
+
+
+def _ryu() -> list[Scenario]:
+    laps = Scenario(
+        "ryu2004-laps",
+        "four laps of a 30 m circle on a tilted, wavy plane at 9.5 m/s (88 s)",
+        9.5,
+        RoadShape(
+            curvature=Knots(((57.5, 0.0), (87.5, 1 / 30))),
+            slope_north=0.038,
+            waves=_LAPS_WAVES,
+            roughness=CLASS_A,
+        ),
+        duration=88.0,
+    )
+    slalom = Scenario(
+        "ryu2004-slalom",
+        "slalom of 40 m on a level road at 11 m/s (40 s); road.bank_wave undulates it",
+        11.0,
+        RoadShape(slalom=(85.0, 40.0, 1.1), roughness=CLASS_A),
+        duration=40.0,
+    )
+    return [
+        laps,
+        replace(
+            laps,
+            name="ryu2004-laps-var",
+            summary="the same laps at 5.5 to 10.5 m/s",
+            speed=Sine(8.0, 2.5, 13.0),
+        ),
+        slalom,
+        replace(
+            laps,
+            name="ryu2004-crawl",
+            summary="a 12 m circle on the same plane at 2 m/s (60 s); speed = 1 or 4 as well",
+            speed=2.0,
+            road=replace(laps.road, curvature=Knots(((10.0, 0.0), (25.0, 1 / 12)))),
+            duration=60.0,
+        ),
+        Scenario(
+            "ryu2004-chirp",
+            "steering chirp of 1.5 deg from 0.3 to 1.8 Hz at 15 m/s (32 s)",
+            15.0,
+            RoadShape(roughness=CLASS_A),
+            duration=32.0,
+            steering=Chirp(),
+        ),
+    ]
+
+
 SCENARIOS: dict[str, Scenario] = {
-    scenario.name: scenario for scenario in (*_massel(), *_kim(), *_wang())
+    scenario.name: scenario for scenario in (*_massel(), *_kim(), *_luo(), *_ryu(), *_wang())
 }

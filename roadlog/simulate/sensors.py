@@ -253,7 +253,7 @@ class GnssReceiver:
         time = time[time - self.latency >= motion.time[0] - 1e-9]
         epoch = time - self.latency
         near = np.clip(np.searchsorted(motion.time, epoch - 1e-9), 0, len(motion.time) - 1)
-        attitude, arm = motion.attitude[near], np.array(self.position)
+        attitude, arm = motion.attitude[near], motion.arm(self.position)
         place = motion.position[near] + attitude @ arm
         turning = np.cross(motion.rate[near], arm)
         velocity = motion.velocity[near] + np.einsum("nij,nj->ni", attitude, turning)
