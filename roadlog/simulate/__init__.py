@@ -14,6 +14,7 @@ from roadlog.signals import ANGLES, ANGLES_SCHEMA, SECTIONS, TRUTH_TOPIC, truth_
 from roadlog.simulate.full import drive_full
 from roadlog.simulate.motion import Motion
 from roadlog.simulate.profiles import sampled
+from roadlog.simulate.sampling import Columns, at, clock, stream
 from roadlog.simulate.scenario import (
     Load,
     Scenario,
@@ -22,7 +23,7 @@ from roadlog.simulate.scenario import (
     with_overrides,
 )
 from roadlog.simulate.scenarios import SCENARIOS
-from roadlog.simulate.sensors import Columns, Sensors, at, clock, stream
+from roadlog.simulate.sensors import Sensors
 from roadlog.simulate.straight import RATE, drive_straight
 from roadlog.storage.table import Table
 from roadlog.types import Floats, Stamps
@@ -147,8 +148,8 @@ def _tables(scenario: Scenario, motion: Motion, columns: Columns) -> list[Table]
     truth["valid"] = np.ones(len(time), np.bool_)
     tables.append(Table(TRUTH_TOPIC, ANGLES_SCHEMA, _stamps(time), truth))
     time = clock(motion, DETAIL_RATE)
-    for detail, (schema, fields) in motion.details.items():
-        values = {field: at(motion, column, time) for field, column in fields.items()}
+    for detail, (schema, truths) in motion.details.items():
+        values = {field: at(motion, column, time) for field, column in truths.items()}
         tables.append(Table(truth_topic(detail), f"roadlog.v1.{schema}", _stamps(time), values))
     return tables
 

@@ -18,8 +18,9 @@ from roadlog.simulate.driver import (
 from roadlog.simulate.motion import Motion
 from roadlog.simulate.profiles import sampled
 from roadlog.simulate.road import RoadTables, build, surface
+from roadlog.simulate.sampling import gauss_markov, stream
 from roadlog.simulate.scenario import Load, Scenario, Wind, distance_of, speed_of
-from roadlog.simulate.sensors import WHEELS, gauss_markov, stream
+from roadlog.simulate.sensors import WHEELS
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -41,7 +42,7 @@ def drive_full(
     rng = stream(seed, "scenario")
     profile, duration = speed_of(scenario, rng)
     steps = round((scenario.lead_in + duration) / PERIOD)
-    time = np.arange(steps + 1) * PERIOD - scenario.lead_in
+    time: Floats = np.arange(steps + 1) * PERIOD - scenario.lead_in
     v_ref = sampled(profile, time)
     v_ref = np.where(v_ref < 1e-6, 0.0, v_ref)
     start = scenario.start + distance_of(time, v_ref) - distance_of(time, v_ref)[0]
@@ -63,7 +64,7 @@ def drive_full(
         geometry,
         road,
     )
-    fine = np.arange(len(history)) * dt - scenario.lead_in
+    fine: Floats = np.arange(len(history)) * dt - scenario.lead_in
     begin = round(scenario.lead_in / dt)
     shift = cg_shift(car, scenario.load)
     return _motion(fine[begin:], history[begin:], loaded, static_pitch(car, scenario.load), shift)

@@ -6,9 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from roadlog.simulate.profiles import Hills, Knots, Launches, Sine, StopAndGo, accelerations
-from roadlog.simulate.scenario import Chirp, RoadShape, Scenario, Wave
-from roadlog.simulate.sensors import CanSensors, FuelSender, GnssReceiver, ImuSensor, Sensors
+from roadlog.simulate.fuel import FuelSender
+from roadlog.simulate.gnss import Barometer, GnssReceiver
+from roadlog.simulate.imu import ImuSensor
+from roadlog.simulate.profiles import Hills, Knots, Sine
+from roadlog.simulate.scenario import Chirp, Load, RoadShape, Scenario, Wave, Wind
+from roadlog.simulate.sensors import CanSensors, Sensors
+from roadlog.simulate.speeds import Launches, StopAndGo, Tour, accelerations
 from roadlog.simulate.straight import PitchModel
 from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import PRESETS
@@ -62,7 +66,6 @@ def _massel() -> list[Scenario]:
 
 _MICRO_G = 1e-6 * G
 _KIM_NOISE = 300 * _MICRO_G  # m/s2/sqrt(Hz)
-KIM_LOADS_DEG = {"light": 0.3, "heavy": 1.2}  # static pitch of `kim2023-urban`
 
 
 def _kim() -> list[Scenario]:
@@ -80,9 +83,7 @@ def _kim() -> list[Scenario]:
         "14 stops on gently rolling streets, IMU 1.9 m ahead (1000 s)",
         StopAndGo(),
         RoadShape(grade=Hills(sd=0.02, length=90.0)),
-        straight=PitchModel(
-            gradient=float(np.radians(0.15)), load=float(np.radians(KIM_LOADS_DEG["light"]))
-        ),
+        straight=PitchModel(gradient=float(np.radians(0.15)), load=float(np.radians(0.3))),
         sensors=Sensors(
             imu=replace(
                 PLAIN_IMU,
@@ -106,7 +107,16 @@ def _kim() -> list[Scenario]:
             gnss=NO_GNSS,
         ),
     )
-    return [motions, urban]
+    # the paper's test road (Figs 21, 23): the ramp, the acceleration and the load are set by hand
+    testroad = replace(
+        urban,
+        name="kim2023-testroad",
+        summary="10 starts and stops on one ramp; set road.grade, speed.acceleration and the load",
+        speed=Launches(acceleration=1.5, motions=10, wait=5.0, smoothing=(0.5, 0.25)),
+        road=RoadShape(grade=0.0),
+        straight=replace(urban.straight, gradient=float(np.radians(0.14))),
+    )
+    return [motions, urban, testroad]
 
 
 # Wang 2025: section 4.5 -----------------------------------------------------------------------
@@ -330,6 +340,88 @@ def _ryu() -> list[Scenario]:
     ]
 
 
+# Ours -----------------------------------------------------------------------------------------
+
+_MOUNTAIN_BENDS = (  # m, m, radius left +
+    "(250,330,90)(400,470,-70)(560,600,13)(700,740,-13)(860,930,60)(1000,1045,14)(1180,1260,-80)"
+    "(1500,1620,120)(1750,1830,-60)(1950,1990,-13)(2120,2200,70)(2380,2420,13)(2560,2680,-90)"
+    "(2850,2960,75)"
+)
+_MOUNTAIN_GRADE = (
+    "(0,0)(120,0)(200,6)(520,6)(560,4)(620,4)(680,8)(980,8)(1040,5)(1120,10)(1320,10)(1450,0)"
+    "(1600,0)(1720,-7)(1930,-7)(2000,-4)(2080,-10)(2300,-10)(2400,-5)(2700,-5)(2850,2)(3000,0)"
+)
+
+
+def _curvature(bends: str, entry: float) -> Knots:
+    """Bends (from m, to m, radius m left +) whose curvature comes in over `entry` m."""
+    points = [(0.0, 0.0)]
+    for first, last, radius in _tuples(bends):
+        bend = 1 / radius
+        points += [(first, 0.0), (first + entry, bend), (last, bend), (last + entry, 0.0)]
+    return Knots(tuple(points))
+
+
+def _mountain() -> Scenario:
+    bends = _curvature(_MOUNTAIN_BENDS, entry=12.0)
+    steepest = 0.06  # of a bend's superelevation, reached at a radius of 60 m
+    bank = tuple((s, float(np.clip(-60 * bend, -1, 1) * steepest)) for s, bend in bends.points)
+    return Scenario(
+        "mountain",
+        "over a pass: grades to 10 %, hairpins, banked bends, two stops, gear shifts, wind (5 min)",
+        Tour(3100.0, cruise=17.0, stops=((1250.0, 20.0), (2320.0, 15.0))),
+        RoadShape(
+            grade=Knots(
+                tuple((s, percent / 100) for s, percent in _tuples(_MOUNTAIN_GRADE)), (30.0,)
+            ),
+            bank=Knots(bank),
+            curvature=bends,
+            roughness=CLASS_A,
+        ),
+        gears=True,
+        wind=Wind(speed=4.0, direction=1.0, gust_sd=2.0),
+        sensors=Sensors(barometer=Barometer(rate=10.0)),
+    )
+
+
+def _city() -> Scenario:
+    """A plan of 33 blocks, drawn once; the hills are another seed's other hills."""
+    plan = np.random.default_rng(15)
+    s, bends, stops = 20.0, "", []
+    for block in range(33):
+        s += round(float(plan.uniform(90.0, 260.0)))
+        if plan.uniform() < 0.8:
+            stops.append((s, round(float(plan.uniform(6.0, 20.0)))))
+        if block % 3 != 2:
+            radius = round(float(plan.uniform(12.0, 20.0)))
+            side = 1 if plan.uniform() < 0.5 else -1
+            quarter = radius * np.pi / 2
+            bends += f"({s + 6},{s + quarter},{side * radius})"
+            s += quarter + 12.0
+    return Scenario(
+        "city",
+        "stop and go over hills with right-angle turns, held brakes, gear shifts (15 min)",
+        Tour(s + 60.0, cruise=13.0, lateral=2.2, acceleration=1.6, stops=tuple(stops)),
+        RoadShape(
+            grade=Hills(sd=0.03, length=80.0),
+            bank=0.02,  # crowned: the right lane falls to the right
+            curvature=_curvature(bends, entry=6.0),
+            roughness=CLASS_A,
+        ),
+        gears=True,
+        wind=Wind(speed=2.0, direction=2.0, gust_sd=1.0),
+        sensors=Sensors(barometer=Barometer(rate=10.0)),
+    )
+
+
+LOADS = {
+    "driver": Load(75.0, (0.10, 0.35, 0.10)),
+    "family": Load(300.0, (-0.35, 0.0, 0.10)),
+    "trunk": Load(250.0, (-1.60, 0.0, 0.10)),
+    "heavy": Load(480.0, (-1.20, 0.0, 0.10)),
+}
+
 SCENARIOS: dict[str, Scenario] = {
-    scenario.name: scenario for scenario in (*_massel(), *_kim(), *_luo(), *_ryu(), *_wang())
+    scenario.name: scenario
+    for scenario in (*_massel(), *_kim(), *_luo(), *_ryu(), *_wang(), _mountain(), _city())
 }
