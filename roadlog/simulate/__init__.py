@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from roadlog.errors import ConfigError, near
 from roadlog.signals import ANGLES, ANGLES_SCHEMA, SECTIONS, TRUTH_TOPIC, truth_topic
+from roadlog.simulate.full import drive_full
 from roadlog.simulate.motion import Motion
 from roadlog.simulate.profiles import sampled
+from roadlog.simulate.sampling import Columns, at, clock, stream
 from roadlog.simulate.scenario import (
     Load,
     Scenario,
@@ -21,7 +23,7 @@ from roadlog.simulate.scenario import (
     with_overrides,
 )
 from roadlog.simulate.scenarios import SCENARIOS
-from roadlog.simulate.sensors import Columns, at, clock, stream
+from roadlog.simulate.sensors import Sensors
 from roadlog.simulate.straight import RATE, drive_straight
 from roadlog.storage.table import Table
 from roadlog.types import Floats, Stamps
@@ -78,7 +80,11 @@ def simulate(
         scenario = with_overrides(scenario, {"sensors": scenario.sensors.ideal()})
     if overrides:
         scenario = with_overrides(scenario, overrides)
-    motion = _straight_motion(scenario, seed)
+    if full or scenario.straight is None:
+        scenario = _for_full_car(scenario)
+        motion = drive_full(scenario, seed)
+    else:
+        motion = _straight_motion(scenario, seed)
     sheet = vehicle or Vehicle.preset(scenario.vehicle)
     sheet = sheet.with_values(imu_position=scenario.sensors.imu.position)
     tables = _tables(scenario, motion, scenario.sensors.measure(motion, sheet, seed))
@@ -93,6 +99,14 @@ def simulate(
     }
     metadata = {"vehicle": {"toml": sheet.to_toml()}, "simulation": settings}
     return Simulation(scenario, tables, sheet, metadata, motion)
+
+
+def _for_full_car(scenario: Scenario) -> Scenario:
+    """A straight paper's scenario for the full car: its own IMU, and what a car sends besides."""
+    if scenario.straight is None:
+        return scenario
+    sensors = replace(Sensors(), imu=scenario.sensors.imu, fuel=scenario.sensors.fuel)
+    return replace(scenario, sensors=sensors, vehicle="wagon")
 
 
 def find(name_or_scenario: str | Scenario) -> Scenario:
@@ -134,8 +148,8 @@ def _tables(scenario: Scenario, motion: Motion, columns: Columns) -> list[Table]
     truth["valid"] = np.ones(len(time), np.bool_)
     tables.append(Table(TRUTH_TOPIC, ANGLES_SCHEMA, _stamps(time), truth))
     time = clock(motion, DETAIL_RATE)
-    for detail, (schema, fields) in motion.details.items():
-        values = {field: at(motion, column, time) for field, column in fields.items()}
+    for detail, (schema, truths) in motion.details.items():
+        values = {field: at(motion, column, time) for field, column in truths.items()}
         tables.append(Table(truth_topic(detail), f"roadlog.v1.{schema}", _stamps(time), values))
     return tables
 

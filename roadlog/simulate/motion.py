@@ -19,7 +19,9 @@ class Motion:
     angles: name -> rad. signals: role -> what a perfect sensor would say. details: truth channel ->
     schema and columns. position, velocity: (n, 3) m and m/s of the reference point, east north up;
     attitude: (n, 3, 3), vehicle axes to east north up. road_force: (n, 3) m/s2, specific force of a
-    sensor that follows the road and not the body.
+    sensor that follows the road and not the body. shift: m, by which a load moved the reference
+    point; sensors are placed from where it was. energy: J, stored in the car. power: W, that
+    engine, brakes, tires, dampers and air bring in together.
     """
 
     time: Floats
@@ -33,6 +35,9 @@ class Motion:
     velocity: Floats | None = None
     attitude: Floats | None = None
     road_force: Floats | None = None
+    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    energy: Floats | None = None
+    power: Floats | None = None
 
     @property
     def dt(self) -> float:
@@ -44,7 +49,11 @@ class Motion:
         """m/s along the road."""
         return self.signals["speed.v"]
 
+    def arm(self, point: tuple[float, float, float]) -> Floats:
+        """m, from the reference point to a sensor's place."""
+        return np.array(point) - np.array(self.shift)
+
     def at(self, point: tuple[float, float, float]) -> Floats:
         """m/s2, (n, 3) specific force at a point of the body: f + w' x d + w x (w x d)."""
-        d = np.array(point)
+        d = self.arm(point)
         return self.force + np.cross(self.rate_dot, d) + np.cross(self.rate, np.cross(self.rate, d))

@@ -1,9 +1,9 @@
-"""Profiles over time or distance: what a scenario's speed, grade, bank and curvature are made of."""
+"""Profiles over time or distance: what speed, grade, bank and curvature are made of."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -51,7 +51,7 @@ class Knots:
 
     def __post_init__(self) -> None:
         abscissa = [point[0] for point in self.points]
-        if not self.points or any(b < a for a, b in zip(abscissa, abscissa[1:], strict=False)):
+        if not self.points or any(b < a for a, b in pairwise(abscissa)):
             raise ConfigError(f"points {self.points}: need at least one, abscissa ascending")
 
     def sample(self, x: Floats, rng: np.random.Generator | None = None) -> Floats:
@@ -117,92 +117,3 @@ def sampled(profile: Profile | float, x: Floats, rng: np.random.Generator | None
     if isinstance(profile, (int, float)):
         return np.full(len(x), float(profile))
     return profile.sample(x, rng)
-
-
-def accelerations(
-    start: float,
-    pieces: Iterable[tuple[float, float, float]],
-    smoothing: tuple[float, ...] = (),
-    window: Window = "boxcar",
-    base: float = 0.0,
-    end: float = 0.0,
-) -> Knots:
-    """Speed over time from pieces (t0, t1, acceleration) on top of `base`, until `end`.
-
-    start: m/s. Smoothing the speed smooths the acceleration in the same way.
-    """
-    points = [(0.0, start)]
-    for t0, t1, acceleration in pieces:
-        for t, a in ((t0, base), (t1, base + acceleration)):
-            last, speed = points[-1]
-            points.append((t, speed + a * (t - last)))
-    last, speed = points[-1]
-    if end > last:
-        points.append((end, speed + base * (end - last)))
-    return Knots(tuple(points), smoothing, window, "time")
-
-
-@dataclass(frozen=True)
-class StopAndGo:
-    """A drive through a town: start, cruise with a slow oscillation, brake, wait, again.
-
-    Ranges are (least, most) of uniform draws; another seed, another drive. Defaults: Kim chapter,
-    section 3.11.
-    """
-
-    stops: int = 14
-    acceleration: tuple[float, float] = (1.2, 2.5)  # m/s2
-    braking: tuple[float, float] = (1.2, 2.8)  # m/s2
-    cruise: tuple[float, float] = (9.0, 16.0)  # m/s
-    cruise_time: tuple[float, float] = (20.0, 60.0)  # s
-    wait: tuple[float, float] = (8.0, 30.0)  # s
-    oscillation: float = 0.05  # amplitude over the cruising speed
-    oscillation_period: float = 15.0  # s
-    smoothing: tuple[float, ...] = (0.5, 0.25)  # s, of the acceleration
-
-    def knots(self, rng: np.random.Generator) -> Knots:
-        """Speed over time; ends at rest."""
-        points = [(0.0, 0.0)]
-
-        def go(duration: float, speed: float) -> None:
-            points.append((points[-1][0] + duration, speed))
-
-        for _ in range(self.stops):
-            cruise = rng.uniform(*self.cruise)
-            go(rng.uniform(*self.wait), 0.0)
-            go(cruise / rng.uniform(*self.acceleration), cruise)
-            duration = rng.uniform(*self.cruise_time)
-            for x in np.linspace(0.0, 1.0, 25)[1:]:
-                waves = x * np.round(duration / self.oscillation_period)
-                factor = 1 + self.oscillation * np.sin(2 * np.pi * waves)
-                go(duration / 24, float(cruise * factor))
-            go(cruise / rng.uniform(*self.braking), 0.0)
-        go(rng.uniform(*self.wait), 0.0)
-        return Knots(tuple(points), self.smoothing, over="time")
-
-
-@dataclass(frozen=True)
-class Launches:
-    """Motions from rest to rest, one after the other: stand, accelerate, brake, stand.
-
-    Steps in acceleration; Kim chapter, section 3.11 (`kim2023-mc`).
-    """
-
-    acceleration: float = 2.0  # m/s2
-    motions: int = 50
-    duration: float = 3.0  # s, of each acceleration and of each braking
-    wait: float = 3.0  # s, before and after each motion
-    smoothing: tuple[float, ...] = ()
-
-    def knots(self, rng: np.random.Generator) -> Knots:
-        """Speed over time."""
-        del rng
-        period = 2 * (self.wait + self.duration)
-        top = self.acceleration * self.duration
-        points = []
-        for k in range(self.motions):
-            start = k * period + self.wait
-            points += [(start, 0.0), (start + self.duration, top)]
-            points += [(start + 2 * self.duration, 0.0)]
-        points.append((self.motions * period, 0.0))
-        return Knots(tuple(points), self.smoothing, over="time")

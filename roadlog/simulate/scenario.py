@@ -5,13 +5,14 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from roadlog.errors import ConfigError, near
-from roadlog.simulate.profiles import Knots, Launches, Profile, StopAndGo
+from roadlog.simulate.profiles import Knots, Profile
 from roadlog.simulate.sensors import Sensors
+from roadlog.simulate.speeds import Launches, StopAndGo, Tour
 from roadlog.simulate.straight import PitchModel
 from roadlog.types import Floats
 
@@ -79,7 +80,7 @@ class Scenario:
 
     name: str
     summary: str
-    speed: Profile | StopAndGo | Launches | float
+    speed: Profile | StopAndGo | Launches | Tour | float
     road: RoadShape = field(default_factory=RoadShape)
     duration: float = 0.0
     start: float = 5.0  # m along the road at the beginning of the lead-in
@@ -153,6 +154,8 @@ def speed_of(scenario: Scenario, rng: np.random.Generator) -> tuple[Profile | fl
     speed = scenario.speed
     if isinstance(speed, (StopAndGo, Launches)):
         speed = speed.knots(rng)
+    elif isinstance(speed, Tour):
+        speed = speed.over(scenario.road.curvature, scenario.start)
     duration = scenario.duration
     if not duration:
         if not isinstance(speed, Knots):
@@ -167,6 +170,3 @@ def distance_of(time: Floats, speed: Floats) -> Floats:
     distance = np.concatenate([[0.0], np.cumsum(steps)])
     result: Floats = distance - np.interp(0.0, time, distance)
     return result
-
-
-Form = Literal["straight", "full"]

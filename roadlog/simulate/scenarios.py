@@ -6,9 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from roadlog.simulate.profiles import Hills, Knots, Launches, Sine, StopAndGo, accelerations
-from roadlog.simulate.scenario import RoadShape, Scenario
-from roadlog.simulate.sensors import CanSensors, FuelSender, GnssReceiver, ImuSensor, Sensors
+from roadlog.simulate.fuel import FuelSender
+from roadlog.simulate.gnss import Barometer, GnssReceiver
+from roadlog.simulate.imu import ImuSensor
+from roadlog.simulate.profiles import Hills, Knots, Sine
+from roadlog.simulate.scenario import Chirp, Load, RoadShape, Scenario, Wave, Wind
+from roadlog.simulate.sensors import CanSensors, Sensors
+from roadlog.simulate.speeds import Launches, StopAndGo, Tour, accelerations
 from roadlog.simulate.straight import PitchModel
 from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import PRESETS
@@ -62,7 +66,6 @@ def _massel() -> list[Scenario]:
 
 _MICRO_G = 1e-6 * G
 _KIM_NOISE = 300 * _MICRO_G  # m/s2/sqrt(Hz)
-KIM_LOADS_DEG = {"light": 0.3, "heavy": 1.2}  # static pitch of `kim2023-urban`
 
 
 def _kim() -> list[Scenario]:
@@ -80,9 +83,7 @@ def _kim() -> list[Scenario]:
         "14 stops on gently rolling streets, IMU 1.9 m ahead (1000 s)",
         StopAndGo(),
         RoadShape(grade=Hills(sd=0.02, length=90.0)),
-        straight=PitchModel(
-            gradient=float(np.radians(0.15)), load=float(np.radians(KIM_LOADS_DEG["light"]))
-        ),
+        straight=PitchModel(gradient=float(np.radians(0.15)), load=float(np.radians(0.3))),
         sensors=Sensors(
             imu=replace(
                 PLAIN_IMU,
@@ -106,7 +107,16 @@ def _kim() -> list[Scenario]:
             gnss=NO_GNSS,
         ),
     )
-    return [motions, urban]
+    # the paper's test road (Figs 21, 23): the ramp, the acceleration and the load are set by hand
+    testroad = replace(
+        urban,
+        name="kim2023-testroad",
+        summary="10 starts and stops on one ramp; set road.grade, speed.acceleration and the load",
+        speed=Launches(acceleration=1.5, motions=10, wait=5.0, smoothing=(0.5, 0.25)),
+        road=RoadShape(grade=0.0),
+        straight=replace(urban.straight, gradient=float(np.radians(0.14))),
+    )
+    return [motions, urban, testroad]
 
 
 # Wang 2025: section 4.5 -----------------------------------------------------------------------
@@ -177,6 +187,241 @@ def _wang() -> list[Scenario]:
     ]
 
 
+# Luo 2024: Ryu/Luo chapter, section 5.8 --------------------------------------------------------
+
+CLASS_A = 16e-6  # m3, ISO 8608
+_RAMP = "(0,-1.8)(27,-1.8)(35.7,3.4)(57,3.4)(69,-3.9)(88,-3.9)(98,1)(107,1)(112,-1.5)(118,0)"
+_S2_SPEED = (
+    "(0,9.7)(5,9.7)(12.3,6.4)(21,6.4)(29,10.8)(46,10.8)(54,7.6)(68,7.6)(73,9.6)(78,7.4)(81,7.4)"
+    "(85.6,11)(90,8.2)(95,11.2)(107,9.2)"
+)
+_S3_BENDS = "(5,12,90)(21,29,-80)(36,68,60)(76,92,-70)(98,107,90)"  # s, s, m left +
+_S3_ENTRY = 40.0  # m, over which a bend comes in and goes out
+_STEEPEST_BANK, _AT_CURVATURE = -0.04, 1 / 60  # superelevation of s3b
+
+
+def _at_time(t: float) -> float:
+    """m along the ramp road at a time of the constant-speed drive."""
+    return 48.5 + 9.7 * t
+
+
+def _bends(speed: Knots) -> tuple[tuple[float, float], ...]:
+    """Curvature over distance from bends that are given in time."""
+    time = np.arange(0.0, 120.0, 0.01)
+    v = speed.sample(time)
+    distance = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * 0.01)]) + _at_time(0.0)
+    points = []
+    for t0, t1, radius in _tuples(_S3_BENDS):
+        first, last = np.interp([t0, t1], time, distance)
+        half = _S3_ENTRY / 2
+        points += [(first - half, 0.0), (first + half, 1 / radius)]
+        points += [(last - half, 1 / radius), (last + half, 0.0)]
+    return tuple((float(s), float(bend)) for s, bend in points)
+
+
+def _luo() -> list[Scenario]:
+    ramp = Knots(tuple((_at_time(t), p / 100) for t, p in _tuples(_RAMP)), (10.0,))
+    speed = Knots(tuple((t, v) for t, v in _tuples(_S2_SPEED)), (0.8,), over="time")
+    bends = Knots(_bends(speed))
+    gain = _STEEPEST_BANK / _AT_CURVATURE
+    bank = Knots(tuple((s, gain * bend) for s, bend in bends.points))
+    s1 = Scenario(
+        "luo2024-s1",
+        "straight ramps of -3.9 to +3.4 % at 9.7 m/s (118 s)",
+        9.7,
+        RoadShape(grade=ramp, roughness=CLASS_A),
+        duration=118.0,
+    )
+    s2 = replace(s1, name="luo2024-s2", summary="the same ramps at 6 to 11 m/s", speed=speed)
+    s3 = replace(
+        s2,
+        name="luo2024-s3",
+        summary="the same ramps and speeds through bends of 60 to 90 m radius",
+        road=replace(s1.road, curvature=bends),
+    )
+    s3b = replace(
+        s3,
+        name="luo2024-s3b",
+        summary="the same bends with superelevation",
+        road=replace(s3.road, bank=bank),
+    )
+    road1 = Scenario(
+        "luo2024-road1",
+        "straight slope to 6 % at a wavering 7 m/s (25 s)",
+        Sine(7.0, 0.8, 9.0),
+        RoadShape(
+            grade=Knots(((40.0, 0.0), (60.0, 0.045), (110.0, 0.06), (150.0, 0.05), (190.0, 0.055))),
+            roughness=CLASS_A,
+        ),
+        duration=25.0,
+    )
+    road2 = Scenario(
+        "luo2024-road2",
+        "5 % slope through a bend of 30 m radius at 7 m/s (19 s)",
+        7.0,
+        RoadShape(
+            grade=Knots(((40.0, 0.02), (60.0, 0.05))),
+            curvature=Knots(((50.0, 0.0), (70.0, 1 / 30))),
+            roughness=CLASS_A,
+        ),
+        duration=19.0,
+    )
+    helix = Scenario(
+        "luo2024-helix",
+        "5 % spiral of 25 m radius at 8 m/s (40 s)",
+        8.0,
+        RoadShape(grade=0.05, curvature=Knots(((60.0, 0.0), (80.0, 1 / 25))), roughness=CLASS_A),
+        duration=40.0,
+    )
+    stopgo = Scenario(
+        "luo2024-stopgo",
+        "stop with held brakes on a 4 % slope and drive on (40 s)",
+        Knots(((0.0, 9.0), (8.0, 9.0), (14.0, 0.0), (20.0, 0.0), (26.0, 7.0)), over="time"),
+        RoadShape(grade=Knots(((60.0, 0.01), (90.0, 0.04))), roughness=CLASS_A),
+        duration=40.0,
+    )
+    return [s1, s2, s3, s3b, road1, road2, helix, stopgo]
+
+
+# Ryu 2004: the same section -------------------------------------------------------------------
+
+_LAPS_WAVES = (
+    Wave(0.03, 18.0, 0.4, 0.3),
+    Wave(0.012, 9.0, 1.7, 1.1),
+    Wave(0.05, 30.0, 2.5, 2.0),
+)
+
+
+def _ryu() -> list[Scenario]:
+    laps = Scenario(
+        "ryu2004-laps",
+        "four laps of a 30 m circle on a tilted, wavy plane at 9.5 m/s (88 s)",
+        9.5,
+        RoadShape(
+            curvature=Knots(((57.5, 0.0), (87.5, 1 / 30))),
+            slope_north=0.038,
+            waves=_LAPS_WAVES,
+            roughness=CLASS_A,
+        ),
+        duration=88.0,
+    )
+    slalom = Scenario(
+        "ryu2004-slalom",
+        "slalom of 40 m on a level road at 11 m/s (40 s); road.bank_wave undulates it",
+        11.0,
+        RoadShape(slalom=(85.0, 40.0, 1.1), roughness=CLASS_A),
+        duration=40.0,
+    )
+    return [
+        laps,
+        replace(
+            laps,
+            name="ryu2004-laps-var",
+            summary="the same laps at 5.5 to 10.5 m/s",
+            speed=Sine(8.0, 2.5, 13.0),
+        ),
+        slalom,
+        replace(
+            laps,
+            name="ryu2004-crawl",
+            summary="a 12 m circle on the same plane at 2 m/s (60 s); speed = 1 or 4 as well",
+            speed=2.0,
+            road=replace(laps.road, curvature=Knots(((10.0, 0.0), (25.0, 1 / 12)))),
+            duration=60.0,
+        ),
+        Scenario(
+            "ryu2004-chirp",
+            "steering chirp of 1.5 deg from 0.3 to 1.8 Hz at 15 m/s (32 s)",
+            15.0,
+            RoadShape(roughness=CLASS_A),
+            duration=32.0,
+            steering=Chirp(),
+        ),
+    ]
+
+
+# Ours -----------------------------------------------------------------------------------------
+
+_MOUNTAIN_BENDS = (  # m, m, radius left +
+    "(250,330,90)(400,470,-70)(560,600,13)(700,740,-13)(860,930,60)(1000,1045,14)(1180,1260,-80)"
+    "(1500,1620,120)(1750,1830,-60)(1950,1990,-13)(2120,2200,70)(2380,2420,13)(2560,2680,-90)"
+    "(2850,2960,75)"
+)
+_MOUNTAIN_GRADE = (
+    "(0,0)(120,0)(200,6)(520,6)(560,4)(620,4)(680,8)(980,8)(1040,5)(1120,10)(1320,10)(1450,0)"
+    "(1600,0)(1720,-7)(1930,-7)(2000,-4)(2080,-10)(2300,-10)(2400,-5)(2700,-5)(2850,2)(3000,0)"
+)
+
+
+def _curvature(bends: str, entry: float) -> Knots:
+    """Bends (from m, to m, radius m left +) whose curvature comes in over `entry` m."""
+    points = [(0.0, 0.0)]
+    for first, last, radius in _tuples(bends):
+        bend = 1 / radius
+        points += [(first, 0.0), (first + entry, bend), (last, bend), (last + entry, 0.0)]
+    return Knots(tuple(points))
+
+
+def _mountain() -> Scenario:
+    bends = _curvature(_MOUNTAIN_BENDS, entry=12.0)
+    steepest = 0.06  # of a bend's superelevation, reached at a radius of 60 m
+    bank = tuple((s, float(np.clip(-60 * bend, -1, 1) * steepest)) for s, bend in bends.points)
+    return Scenario(
+        "mountain",
+        "over a pass: grades to 10 %, hairpins, banked bends, two stops, gear shifts, wind (5 min)",
+        Tour(3100.0, cruise=17.0, stops=((1250.0, 20.0), (2320.0, 15.0))),
+        RoadShape(
+            grade=Knots(
+                tuple((s, percent / 100) for s, percent in _tuples(_MOUNTAIN_GRADE)), (30.0,)
+            ),
+            bank=Knots(bank),
+            curvature=bends,
+            roughness=CLASS_A,
+        ),
+        gears=True,
+        wind=Wind(speed=4.0, direction=1.0, gust_sd=2.0),
+        sensors=Sensors(barometer=Barometer(rate=10.0)),
+    )
+
+
+def _city() -> Scenario:
+    """A plan of 33 blocks, drawn once; the hills are another seed's other hills."""
+    plan = np.random.default_rng(15)
+    s, bends, stops = 20.0, "", []
+    for block in range(33):
+        s += round(float(plan.uniform(90.0, 260.0)))
+        if plan.uniform() < 0.8:
+            stops.append((s, round(float(plan.uniform(6.0, 20.0)))))
+        if block % 3 != 2:
+            radius = round(float(plan.uniform(12.0, 20.0)))
+            side = 1 if plan.uniform() < 0.5 else -1
+            quarter = radius * np.pi / 2
+            bends += f"({s + 6},{s + quarter},{side * radius})"
+            s += quarter + 12.0
+    return Scenario(
+        "city",
+        "stop and go over hills with right-angle turns, held brakes, gear shifts (15 min)",
+        Tour(s + 60.0, cruise=13.0, lateral=2.2, acceleration=1.6, stops=tuple(stops)),
+        RoadShape(
+            grade=Hills(sd=0.03, length=80.0),
+            bank=0.02,  # crowned: the right lane falls to the right
+            curvature=_curvature(bends, entry=6.0),
+            roughness=CLASS_A,
+        ),
+        gears=True,
+        wind=Wind(speed=2.0, direction=2.0, gust_sd=1.0),
+        sensors=Sensors(barometer=Barometer(rate=10.0)),
+    )
+
+
+LOADS = {
+    "driver": Load(75.0, (0.10, 0.35, 0.10)),
+    "family": Load(300.0, (-0.35, 0.0, 0.10)),
+    "trunk": Load(250.0, (-1.60, 0.0, 0.10)),
+    "heavy": Load(480.0, (-1.20, 0.0, 0.10)),
+}
+
 SCENARIOS: dict[str, Scenario] = {
-    scenario.name: scenario for scenario in (*_massel(), *_kim(), *_wang())
+    scenario.name: scenario
+    for scenario in (*_massel(), *_kim(), *_luo(), *_ryu(), *_wang(), _mountain(), _city())
 }
