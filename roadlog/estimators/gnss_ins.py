@@ -44,10 +44,10 @@ def _estimate(drive: Drive, total: TotalRoll) -> Estimate:
     details = {}
     if np.isfinite(total.beta).any():
         columns = {
-            "sideslip": total.beta,
-            "sideslip_sd": total.beta_sd,
-            "lateral_velocity": total.lateral_velocity,
-            "lateral_velocity_sd": total.lateral_velocity_sd,
+            "beta": total.beta,
+            "beta_sd": total.beta_sd,
+            "v_x": total.velocity[0],
+            "v_y": total.velocity[1],
         }
         details["sideslip"] = Detail("roadlog.v1.Sideslip", drive.time, columns)
     return Estimate(

@@ -169,12 +169,11 @@ def roll_bank_obs(
         | flag(converging, "converging")
         | flag(beyond, "model")
     )
-    forward = ~slow & np.isfinite(x[:, 0])
     columns = {
-        "sideslip": x[:, 0],
-        "sideslip_sd": sd[:, 0],
-        "lateral_velocity": np.where(forward, speed * np.tan(x[:, 0]), np.nan),
-        "lateral_velocity_sd": np.where(forward, speed * sd[:, 0], np.nan),
+        "beta": x[:, 0],
+        "beta_sd": sd[:, 0],
+        "v_x": speed,
+        "v_y": speed * np.tan(x[:, 0]),
     }
     return Estimate(
         drive.time,

@@ -101,12 +101,11 @@ def tfobe(drive: Drive, vehicle: Vehicle, params: TfobeParameters, engine: Engin
         tires = tire_ukf.tire_ukf(
             tire_z[run], start[run], plan.frozen[run], own, lower, car, engine
         )
-        forces = np.ascontiguousarray(tires.x[:, 7:])
         grades = grade_ukf.grade_ukf(
             grade_z[run],
             start[run, :3],
             plan.frozen[run],
-            forces,
+            np.ascontiguousarray(tires.x[:, 7:]),
             own.delta,
             tune,
             car,
@@ -123,8 +122,9 @@ def tfobe(drive: Drive, vehicle: Vehicle, params: TfobeParameters, engine: Engin
         | flag(beyond, "uncertain")
         | flag(np.abs(signals.f_y) > LINEAR_FORCE, "model")
     )
+    forces = _force_columns(x, sd, axle_sd, signals.inputs.load)
     details = {
-        "tires": Detail("roadlog.v1.TireForces", drive.time, _force_columns(x, sd, axle_sd)),
+        "tires": Detail("roadlog.v1.TireForces", drive.time, forces),
         "sideslip": Detail("roadlog.v1.Sideslip", drive.time, _sideslip_columns(y, y_sd)),
     }
     return Estimate(
@@ -189,16 +189,17 @@ def _rows(signals: _Signals, variant: str) -> tuple[Floats, Floats]:
     return tires, grades
 
 
-def _force_columns(x: Floats, sd: Floats, axle_sd: Floats) -> dict[str, Floats]:
-    """The fields of roadlog.v1.TireForces."""
+def _force_columns(x: Floats, sd: Floats, axle_sd: Floats, load: Floats) -> dict[str, Floats]:
+    """The fields of roadlog.v1.TireForces; loads and a wheel's lateral share have no sd."""
+    unknown = np.full(len(x), np.nan)
     columns = {}
     for i, wheel in enumerate(WHEELS):
-        columns[f"longitudinal_{wheel}"] = x[:, 7 + i]
-        columns[f"longitudinal_{wheel}_sd"] = sd[:, 7 + i]
-        columns[f"lateral_{wheel}"] = x[:, 11 + i]
+        columns[f"fx_{wheel}"], columns[f"fx_{wheel}_sd"] = x[:, 7 + i], sd[:, 7 + i]
+        columns[f"fy_{wheel}"], columns[f"fy_{wheel}_sd"] = x[:, 11 + i], unknown
+        columns[f"fz_{wheel}"], columns[f"fz_{wheel}_sd"] = load[:, i], unknown
     for i, axle in enumerate(("front", "rear")):
-        columns[f"lateral_{axle}"] = x[:, 11 + 2 * i] + x[:, 12 + 2 * i]
-        columns[f"lateral_{axle}_sd"] = axle_sd[:, i]
+        columns[f"fy_{axle}"] = x[:, 11 + 2 * i] + x[:, 12 + 2 * i]
+        columns[f"fy_{axle}_sd"] = axle_sd[:, i]
     return columns
 
 
@@ -206,10 +207,10 @@ def _sideslip_columns(y: Floats, y_sd: Floats) -> dict[str, Floats]:
     """The fields of roadlog.v1.Sideslip; of the angle only where the car rolls forward."""
     forward = np.where(y[:, 0] > 1.0, y[:, 0], np.nan)
     return {
-        "sideslip": np.arctan2(y[:, 1], forward),
-        "sideslip_sd": y_sd[:, 1] / forward,
-        "lateral_velocity": y[:, 1],
-        "lateral_velocity_sd": y_sd[:, 1],
+        "beta": np.arctan2(y[:, 1], forward),
+        "beta_sd": y_sd[:, 1] / forward,
+        "v_x": y[:, 0],
+        "v_y": y[:, 1],
     }
 
 

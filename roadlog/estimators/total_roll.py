@@ -56,8 +56,8 @@ class TotalRoll:
     """On the drive's grid, NaN where not known.
 
     angle, sd: rad, right side down. yaw_rate, roll_rate: rad/s, bias taken off. beta, beta_sd:
-    rad, sideslip at the roll axis under the CG, NaN without two antennas; lateral_velocity m/s
-    likewise. force: m/s2, at the CG.
+    rad, sideslip at the roll axis under the CG, NaN without two antennas; velocity (2, n)
+    m/s likewise. force: m/s2, at the CG.
     since_update: s since the last measurement. source: `gnss_ins` or `imu_roll`.
     """
 
@@ -67,8 +67,7 @@ class TotalRoll:
     roll_rate: Floats
     beta: Floats
     beta_sd: Floats
-    lateral_velocity: Floats
-    lateral_velocity_sd: Floats
+    velocity: Floats
     force: SpecificForce
     since_update: Floats
     source: str
@@ -127,8 +126,7 @@ def gnss_ins(drive: Drive, vehicle: Vehicle, smooth: bool, engine: Engine) -> To
         roll_rate=roll_rate,
         beta=np.arctan2(velocity[1], forward),
         beta_sd=np.hypot(velocity_sd, forward * heading_sd) / forward,
-        lateral_velocity=velocity[1],
-        lateral_velocity_sd=np.hypot(velocity_sd, velocity[0] * heading_sd),
+        velocity=velocity,
         force=force,
         since_update=age(np.isfinite(_at_epochs(drive, "roll"))) * drive.dt,
         source="gnss_ins",
@@ -165,8 +163,7 @@ def imu_roll(drive: Drive, vehicle: Vehicle, smooth: bool, engine: Engine) -> To
         roll_rate=p - bias,
         beta=unknown,
         beta_sd=unknown,
-        lateral_velocity=unknown,
-        lateral_velocity_sd=unknown,
+        velocity=np.stack([unknown, unknown]),
         force=force,
         since_update=age(np.isfinite(measured)) * drive.dt,
         source="imu_roll",

@@ -165,7 +165,7 @@ def test_sideslip_and_total_roll_from_two_antennas(slalom: PlanarTruth) -> None:
 
     def beta(drive: Drive) -> np.ndarray:
         estimate = estimators.run("gnss_ins", drive, WAGON, {"smooth": False})
-        return estimate.details["sideslip"].columns["sideslip"]
+        return estimate.details["sideslip"].columns["beta"]
 
     causal = estimators.run("gnss_ins", slalom.drive, WAGON, {"smooth": False})
     smooth = estimators.run("gnss_ins", slalom.drive, WAGON)

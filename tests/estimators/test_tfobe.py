@@ -93,21 +93,21 @@ def test_text_form_misses_rolling_resistance_and_drag() -> None:
 def test_finds_the_tire_forces(corner: PlanarTruth) -> None:
     """T20: sum of longitudinal forces within 80 N, axles within 60 N, and what sd promises."""
     columns = estimators.run("tfobe", corner.drive, WAGON).details["tires"].columns
-    total = sum(columns[f"longitudinal_{w}"] for w in ("fl", "fr", "rl", "rr"))
+    total = sum(columns[f"fx_{w}"] for w in ("fl", "fr", "rl", "rr"))
     assert np.sqrt(np.mean((total - corner.longitudinal)[500:] ** 2)) < 80.0
     for axle, true in (("front", corner.lateral_front), ("rear", corner.lateral_rear)):
-        error = (columns[f"lateral_{axle}"] - true)[500:]
+        error = (columns[f"fy_{axle}"] - true)[500:]
         assert np.sqrt(np.mean(error**2)) < 60.0
-        assert (np.abs(error) < 2 * columns[f"lateral_{axle}_sd"][500:]).mean() > 0.95
-        wheels = columns[f"lateral_{axle[0]}l"] + columns[f"lateral_{axle[0]}r"]
-        np.testing.assert_allclose(wheels, columns[f"lateral_{axle}"], rtol=1e-12)
+        assert (np.abs(error) < 2 * columns[f"fy_{axle}_sd"][500:]).mean() > 0.95
+        wheels = columns[f"fy_{axle[0]}l"] + columns[f"fy_{axle[0]}r"]
+        np.testing.assert_allclose(wheels, columns[f"fy_{axle}"], rtol=1e-12)
     # in a left bend the outer, right wheels carry more
-    assert (columns["lateral_fr"] > columns["lateral_fl"])[1500:3000].all()
+    assert (columns["fy_fr"] > columns["fy_fl"])[1500:3000].all()
 
 
 def test_finds_the_sideslip(corner: PlanarTruth) -> None:
     columns = estimators.run("tfobe", corner.drive, WAGON).details["sideslip"].columns
-    assert np.sqrt(np.mean((columns["sideslip"] - corner.beta)[500:] ** 2)) < np.radians(0.2)
+    assert np.sqrt(np.mean((columns["beta"] - corner.beta)[500:] ** 2)) < np.radians(0.2)
 
 
 @pytest.mark.parametrize(
