@@ -11,33 +11,75 @@ from roadlog.cli import console
 
 
 def simulate(
-    scenario: Annotated[str, typer.Argument(help="One of `roadlog scenarios`.")],
+    scenario: Annotated[str, typer.Argument(help="One of `roadlog scenarios`, or a TOML file.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="The log to write.")],
-    seed: Annotated[int, typer.Option(help="Of the sensor noise.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Of everything that chance decides.")] = 1,
     ideal: Annotated[bool, typer.Option("--ideal", help="Sensors without errors.")] = False,
-    vehicle: Annotated[Path | None, typer.Option(help="Vehicle file to store in the log.")] = None,
+    full: Annotated[
+        bool, typer.Option("--full", help="The full car, where the paper has a simple truth.")
+    ] = False,
+    vehicle: Annotated[
+        Path | None, typer.Option(help="Vehicle file of another car to drive.")
+    ] = None,
+    load: Annotated[str | None, typer.Option(help="What lies in the car.")] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Set a parameter; repeatable."),
+    ] = None,
 ) -> None:
     """Simulate a drive: its sensors, and the true angles on /truth/angles.
 
-    Example: roadlog simulate wang2025-up9 -o up9.mcap --seed 3
+    A KEY is a field of the scenario, by its path or by its last part where only one has it.
+
+    Example: roadlog simulate city -o city.mcap --seed 3 --load trunk --set gnss.rate=0
     """
     from roadlog import simulate as simulator
     from roadlog.log import create
     from roadlog.vehicle import Vehicle
 
-    given = Vehicle.load(vehicle) if vehicle else None
-    simulation = simulator.simulate(scenario, seed=seed, ideal=ideal, vehicle=given)
+    overrides = {}
+    for text in settings or []:
+        key, equals, value = text.partition("=")
+        if not (key and equals):
+            raise typer.BadParameter(f"'{text}' is not KEY=VALUE", param_hint="--set")
+        overrides[key.strip()] = value.strip()
+    simulation = simulator.simulate(
+        scenario,
+        seed=seed,
+        ideal=ideal,
+        full=full,
+        vehicle=Vehicle.load(vehicle) if vehicle else None,
+        load=load,
+        overrides=overrides,
+    )
     create(out, simulation.tables, simulation.metadata, simulation.vehicle)
     messages = sum(len(table) for table in simulation.tables)
-    console.say(f"{out}: {scenario}, seed {seed}, {messages} messages")
+    duration = simulation.motion.time[-1]
+    name = simulation.scenario.name
+    console.say(f"{out}: {name}, {duration:.1f} s, seed {seed}, {messages} messages")
 
 
-def scenarios() -> None:
-    """List the scenarios.
+def scenarios(
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """List the scenarios, and the loads for --load.
 
     Example: roadlog scenarios
     """
-    from roadlog.simulate import SCENARIOS
+    from roadlog.simulate import LOADS, SCENARIOS
 
-    rows = [[name, scenario.summary] for name, scenario in SCENARIOS.items()]
-    console.print_table(["scenario", "what it is"], rows, left=2)
+    if as_json:
+        console.print_json(
+            [
+                {"name": s.name, "summary": s.summary, "has_simple_truth": s.straight is not None}
+                for s in SCENARIOS.values()
+            ]
+        )
+        return
+    rows = [
+        [name, scenario.summary, "--full" if scenario.straight else ""]
+        for name, scenario in SCENARIOS.items()
+    ]
+    console.print_table(["scenario", "what it is", "also"], rows, left=3)
+    loads = ", ".join(f"{name} ({load.mass:.0f} kg)" for name, load in LOADS.items())
+    console.say(f"loads: {loads}")

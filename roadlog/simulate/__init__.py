@@ -5,13 +5,17 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from roadlog.errors import ConfigError, near
 from roadlog.signals import ANGLES, ANGLES_SCHEMA, SECTIONS, TRUTH_TOPIC, truth_topic
+from roadlog.simulate import scenario_file
+from roadlog.simulate.car import CarParameters, car_of
 from roadlog.simulate.full import drive_full
+from roadlog.simulate.load import static_pitch
 from roadlog.simulate.motion import Motion
 from roadlog.simulate.profiles import sampled
 from roadlog.simulate.sampling import Columns, at, clock, stream
@@ -22,7 +26,7 @@ from roadlog.simulate.scenario import (
     speed_of,
     with_overrides,
 )
-from roadlog.simulate.scenarios import SCENARIOS
+from roadlog.simulate.scenarios import LOADS, SCENARIOS
 from roadlog.simulate.sensors import Sensors
 from roadlog.simulate.straight import RATE, drive_straight
 from roadlog.storage.table import Table
@@ -30,7 +34,7 @@ from roadlog.types import Floats, Stamps
 from roadlog.vehicle import Vehicle
 from roadlog.version import __version__
 
-__all__ = ["SCENARIOS", "Load", "Motion", "Scenario", "Simulation", "simulate"]
+__all__ = ["LOADS", "SCENARIOS", "Load", "Motion", "Scenario", "Simulation", "simulate"]
 
 EPOCH_NS = 1_767_225_600 * 10**9  # 2026-01-01T00:00:00Z, when every simulated drive begins
 TRUTH_RATE = 100.0  # Hz, of the angles; or the IMU's own rate where that is higher
@@ -43,7 +47,7 @@ class Simulation:
     """A simulated drive: what goes into a log, and the motion that it came from.
 
     tables: channels of the log, truth included. vehicle: the data sheet that estimators get.
-    metadata: records of the log by name.
+    metadata: records of the log by name, the vehicle's own left out.
     """
 
     scenario: Scenario
@@ -70,57 +74,80 @@ def simulate(
     """Drive a scenario and log it.
 
     seed: of every chance in the scenario and the sensors. ideal: sensors without any error. full:
-    the full car where the scenario has a simple truth of its own. vehicle: the data sheet that
-    estimators get instead of the true car's. load: name of a load in the car. overrides: scenario
-    parameters by path, `sensors.imu.rate` or the last part alone where it is unique; applied after
-    `ideal`. Raises ConfigError for a name that does not exist.
+    the full car where the scenario has a simple truth of its own. vehicle: another car; its data
+    sheet goes into the log. load: one of LOADS; the data sheet does not know of it. overrides:
+    scenario parameters by path, `sensors.imu.rate` or the last part alone where it is unique;
+    applied last. Raises ConfigError for a name that does not exist.
     """
     scenario = find(name_or_scenario)
+    if load is not None:
+        scenario = replace(scenario, load=_load(load))
+    is_full = full or scenario.straight is None
+    if is_full:
+        scenario = _for_full_car(scenario)
     if ideal:
-        scenario = with_overrides(scenario, {"sensors": scenario.sensors.ideal()})
+        scenario = replace(scenario, sensors=scenario.sensors.ideal())
     if overrides:
         scenario = with_overrides(scenario, overrides)
-    if full or scenario.straight is None:
-        scenario = _for_full_car(scenario)
-        motion = drive_full(scenario, seed)
-    else:
-        motion = _straight_motion(scenario, seed)
     sheet = vehicle or Vehicle.preset(scenario.vehicle)
-    sheet = sheet.with_values(imu_position=scenario.sensors.imu.position)
-    tables = _tables(scenario, motion, scenario.sensors.measure(motion, sheet, seed))
+    if is_full:
+        motion = drive_full(scenario, seed, car_of(sheet))
+    else:
+        motion = _straight_motion(scenario, seed, vehicle)
+    sensors = scenario.sensors
+    sheet = sheet.with_values(imu_position=sensors.imu.position)
+    if is_full and sensors.gnss.rate:
+        sheet = sheet.with_values(antenna_position=sensors.gnss.position)
+    tables = _tables(scenario, motion, sensors.measure(motion, sheet, seed))
     settings = {
         "scenario": scenario.name,
         "summary": scenario.summary,
         "seed": str(seed),
         "ideal": json.dumps(ideal),
+        "full": json.dumps(is_full),
+        "load": load or "",
         "overrides": json.dumps({k: str(v) for k, v in (overrides or {}).items()}),
         "roadlog_version": __version__,
         "fuel_volume": repr(scenario.sensors.fuel.volume),
     }
-    metadata = {"vehicle": {"toml": sheet.to_toml()}, "simulation": settings}
-    return Simulation(scenario, tables, sheet, metadata, motion)
+    return Simulation(scenario, tables, sheet, {"simulation": settings}, motion)
 
 
 def _for_full_car(scenario: Scenario) -> Scenario:
     """A straight paper's scenario for the full car: its own IMU, and what a car sends besides."""
     if scenario.straight is None:
         return scenario
-    sensors = replace(Sensors(), imu=scenario.sensors.imu, fuel=scenario.sensors.fuel)
+    sensors = Sensors(imu=scenario.sensors.imu, fuel=scenario.sensors.fuel)
     return replace(scenario, sensors=sensors, vehicle="wagon")
 
 
+def _load(name: str) -> Load:
+    """Raises ConfigError with the near names."""
+    if name not in LOADS:
+        raise ConfigError(f"no load '{name}'. {near(name, LOADS)}")
+    return LOADS[name]
+
+
 def find(name_or_scenario: str | Scenario) -> Scenario:
-    """A scenario by name. Raises ConfigError with the near names."""
+    """A scenario by name or by its TOML file. Raises ConfigError with the near names."""
     if isinstance(name_or_scenario, Scenario):
         return name_or_scenario
+    if name_or_scenario.endswith(".toml"):
+        return scenario_file.load(Path(name_or_scenario), SCENARIOS)
     if name_or_scenario not in SCENARIOS:
         hint = near(name_or_scenario, SCENARIOS)
         raise ConfigError(f"no scenario '{name_or_scenario}'. {hint}")
     return SCENARIOS[name_or_scenario]
 
 
-def _straight_motion(scenario: Scenario, seed: int) -> Motion:
-    assert scenario.straight is not None
+def _straight_motion(scenario: Scenario, seed: int, vehicle: Vehicle | None) -> Motion:
+    body = scenario.straight
+    assert body is not None
+    if vehicle is not None:
+        body = replace(body, gradient=vehicle.pitch_gain, mass=vehicle.mass)
+    if scenario.load is not None:
+        tilt = static_pitch(CarParameters(), scenario.load) - static_pitch(CarParameters(), None)
+        body = replace(body, load=body.load + tilt)
     rng = stream(seed, "scenario")
     profile, duration = speed_of(scenario, rng)
     time = np.arange(round(duration * RATE) + 1) / RATE
@@ -133,7 +160,7 @@ def _straight_motion(scenario: Scenario, seed: int) -> Motion:
         distance = distance_of(time, speed)
         grid = np.arange(0.0, distance[-1] + 2 * ROAD_STEP, ROAD_STEP)
         slope = np.interp(distance, grid, sampled(grade, grid, rng))
-    return drive_straight(scenario.straight, time, speed, np.arctan(slope))
+    return drive_straight(body, time, speed, np.arctan(slope))
 
 
 def _tables(scenario: Scenario, motion: Motion, columns: Columns) -> list[Table]:

@@ -22,6 +22,9 @@ from roadlog.simulate.road import (
 )
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
+from roadlog.vehicle import Vehicle
+
+WAGON_CG_HEIGHT = 0.58  # m, of the whole car, where the sprung mass has 0.61
 
 
 class CarParameters(NamedTuple):
@@ -74,6 +77,53 @@ class CarParameters(NamedTuple):
     drive_lag: float = 0.15  # s
     brake_lag: float = 0.10  # s
     brake_windup: float = 0.01  # rad by which a stuck brake yields before it slips
+
+
+def car_of(vehicle: Vehicle) -> CarParameters:
+    """The true car that a data sheet describes: the `wagon` scaled to it.
+
+    Springs, dampers and roll bars go with the mass, so that ride frequencies stay; tires stay.
+    The data sheet of `wagon` gives the defaults back.
+    """
+    wagon = CarParameters()
+    size = vehicle.mass / wagon.mass
+    height = vehicle.cg_height / WAGON_CG_HEIGHT
+    heavy = [
+        "sprung_mass",
+        "front_spring",
+        "rear_spring",
+        "front_damper",
+        "rear_damper",
+        "front_roll_bar",
+        "rear_roll_bar",
+        "bump_stop",
+        "tire_stiffness",
+        "tire_damping",
+    ]
+    same = [
+        "mass",
+        "cg_to_front_axle",
+        "cg_to_rear_axle",
+        "track",
+        "roll_inertia",
+        "pitch_inertia",
+        "yaw_inertia",
+        "wheel_inertia",
+        "engine_inertia",
+        "final_drive",
+        "driveline_efficiency",
+        "rolling_resistance",
+        "drag_area",
+        "air_density",
+    ]
+    return wagon._replace(
+        **{name: size * getattr(wagon, name) for name in heavy},
+        **{name: getattr(vehicle, name) for name in same},
+        sprung_cg_height=height * wagon.sprung_cg_height,
+        effective_radius=vehicle.wheel_radius,
+        free_radius=vehicle.wheel_radius + wagon.free_radius - wagon.effective_radius,
+        front_drive={"front": 1.0, "rear": 0.0, "all": 0.5}[vehicle.driven],
+    )
 
 
 # The state, 41 numbers; wheels in the order fl, fr, rl, rr.
@@ -227,7 +277,7 @@ def derivative(
             front_side += fy
         # wheel spin
         share = (car.front_drive if i < 2 else 1 - car.front_drive) / 2
-        drive = share * state[DRIVE]
+        drive = share * state[DRIVE] if ratio > 0.0 else 0.0
         clamp = (car.front_brake if i < 2 else 1 - car.front_brake) / 2 * max(state[BRAKE], 0.0)
         creep = MAX_CREEP * np.tanh(spin / MAX_CREEP)
         stuck = state[STUCK + i]

@@ -29,8 +29,8 @@ RATIOS = np.array([3.90, 2.19, 1.41, 1.00, 0.81])  # of the gearbox
 SECOND = 1
 SHIFT_UP = np.array([5.5, 10.0, 15.5, 22.0])  # m/s
 SHIFT_DOWN = np.array([3.0, 7.0, 11.5, 17.0])  # m/s
-SHIFT_TIME = 0.6  # s without torque demand
-SHIFT_OPEN = (0.15, 0.45)  # s into the shift, between which the clutch is open
+SHIFT_TIME = 0.7  # s without torque demand
+SHIFT_OPEN = (0.25, 0.55)  # s into the shift, between which the clutch is open
 
 
 class DriverParameters(NamedTuple):
@@ -52,8 +52,8 @@ class DriverParameters(NamedTuple):
 
 
 # The driver's memory
-INTEGRAL, HOLDING, GEAR, SHIFTING = 0, 1, 2, 3  # m, 0/1, index, s left in the shift
-MEMORY = 4
+INTEGRAL, HOLDING, GEAR, NEXT_GEAR, SHIFTING = 0, 1, 2, 3, 4  # m, 0/1, index, index, s left
+MEMORY = 5
 
 
 @njit(cache=True)
@@ -97,7 +97,7 @@ def decide(
         memory[INTEGRAL] = 0.0
         command[1], command[2] = 0.0, driver.hold_torque
         if gears:
-            memory[GEAR] = 0.0
+            memory[GEAR] = memory[NEXT_GEAR] = 0.0
             memory[SHIFTING] = 0.0
         command[3] = RATIOS[int(memory[GEAR])]
         return
@@ -130,15 +130,16 @@ def _shift(memory: Floats, v: float, command: Floats) -> None:
     gear = int(memory[GEAR])
     if memory[SHIFTING] <= 0.0:
         if gear < len(SHIFT_UP) and v > SHIFT_UP[gear]:
-            memory[GEAR] += 1
-            memory[SHIFTING] = SHIFT_TIME
+            memory[NEXT_GEAR], memory[SHIFTING] = gear + 1.0, SHIFT_TIME
         elif gear > 0 and v < SHIFT_DOWN[gear - 1]:
-            memory[GEAR] -= 1
-            memory[SHIFTING] = SHIFT_TIME
-    command[3] = RATIOS[int(memory[GEAR])]
+            memory[NEXT_GEAR], memory[SHIFTING] = gear - 1.0, SHIFT_TIME
+    command[3] = RATIOS[gear]
     if memory[SHIFTING] > 0.0:
         into = SHIFT_TIME - memory[SHIFTING]
         memory[SHIFTING] -= PERIOD
         command[1] = 0.0
-        if SHIFT_OPEN[0] <= into < SHIFT_OPEN[1]:
+        if into >= SHIFT_OPEN[1]:
+            memory[GEAR] = memory[NEXT_GEAR]
+            command[3] = RATIOS[int(memory[GEAR])]
+        elif into >= SHIFT_OPEN[0]:
             command[3] = 0.0

@@ -8,18 +8,21 @@ from numba import njit
 from roadlog.simulate import car as c
 from roadlog.simulate.car import CarParameters, derivative
 from roadlog.simulate.driver import (
+    GEAR,
     MEMORY,
+    NEXT_GEAR,
     PERIOD,
     SECOND,
     DriverParameters,
     decide,
     steer_along,
 )
+from roadlog.simulate.load import cg_shift, loaded_car, static_pitch
 from roadlog.simulate.motion import Motion
 from roadlog.simulate.profiles import sampled
 from roadlog.simulate.road import RoadTables, build, surface
 from roadlog.simulate.sampling import gauss_markov, stream
-from roadlog.simulate.scenario import Load, Scenario, Wind, distance_of, speed_of
+from roadlog.simulate.scenario import Scenario, Wind, distance_of, speed_of
 from roadlog.simulate.sensors import WHEELS
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
@@ -42,7 +45,7 @@ def drive_full(
     rng = stream(seed, "scenario")
     profile, duration = speed_of(scenario, rng)
     steps = round((scenario.lead_in + duration) / PERIOD)
-    time: Floats = np.arange(steps + 1) * PERIOD - scenario.lead_in
+    time: Floats = np.multiply(np.arange(steps + 1), PERIOD) - scenario.lead_in
     v_ref = sampled(profile, time)
     v_ref = np.where(v_ref < 1e-6, 0.0, v_ref)
     start = scenario.start + distance_of(time, v_ref) - distance_of(time, v_ref)[0]
@@ -64,7 +67,7 @@ def drive_full(
         geometry,
         road,
     )
-    fine: Floats = np.arange(len(history)) * dt - scenario.lead_in
+    fine: Floats = np.multiply(np.arange(len(history)), dt) - scenario.lead_in
     begin = round(scenario.lead_in / dt)
     shift = cg_shift(car, scenario.load)
     return _motion(fine[begin:], history[begin:], loaded, static_pitch(car, scenario.load), shift)
@@ -87,62 +90,6 @@ def wind(wind: Wind, count: int, rng: np.random.Generator) -> Floats:
     gusts = wind.gust_sd * gauss_markov(rng, count, 2, wind.gust_time / PERIOD)
     result: Floats = mean + gusts
     return result
-
-
-def cg_shift(car: CarParameters, load: Load | None) -> Floats:
-    """m, (3,) by which a load moves the sprung CG, vehicle axes."""
-    if load is None:
-        return np.zeros(3)
-    return np.array(load.position) * load.mass / (car.sprung_mass + load.mass)
-
-
-def loaded_car(car: CarParameters, load: Load | None) -> tuple[CarParameters, Floats]:
-    """The car with its load, and per wheel: x, y, center's height from the CG, spring force.
-
-    The springs are those of the empty car: they stand where the empty car is level.
-    """
-    x, y, z = cg_shift(car, load)
-    wheelbase = car.cg_to_front_axle + car.cg_to_rear_axle
-    geometry = np.empty((4, 4))
-    for i in range(4):
-        at_x = car.cg_to_front_axle if i < 2 else -car.cg_to_rear_axle
-        arm = car.cg_to_rear_axle if i < 2 else car.cg_to_front_axle
-        at_y = car.track / 2 * (1 if i % 2 == 0 else -1)
-        spring = car.sprung_mass * G * arm / wheelbase / 2
-        rest = -(car.sprung_cg_height - car.effective_radius) - z
-        geometry[i] = at_x - x, at_y - y, rest, spring
-    if load is None:
-        return car, geometry
-    # parallel axes: the load is a point, the sum turns about the common CG
-    reduced = car.sprung_mass * load.mass / (car.sprung_mass + load.mass)
-    lx, ly, lz = load.position
-    loaded = car._replace(
-        mass=car.mass + load.mass,
-        sprung_mass=car.sprung_mass + load.mass,
-        cg_to_front_axle=car.cg_to_front_axle - x,
-        cg_to_rear_axle=car.cg_to_rear_axle + x,
-        sprung_cg_height=car.sprung_cg_height + z,
-        roll_inertia=car.roll_inertia + reduced * (ly**2 + lz**2),
-        pitch_inertia=car.pitch_inertia + reduced * (lx**2 + lz**2),
-        yaw_inertia=car.yaw_inertia + reduced * (lx**2 + ly**2),
-    )
-    return loaded, geometry
-
-
-def static_pitch(car: CarParameters, load: Load | None) -> float:
-    """rad, nose up, of the car at rest on a level road: springs and tires in series."""
-    loaded, geometry = loaded_car(car, load)
-    unsprung = (car.mass - car.sprung_mass) / 4
-    wheelbase = car.cg_to_front_axle + car.cg_to_rear_axle
-    heights = []
-    for i, arm, spring in (
-        (0, loaded.cg_to_rear_axle, car.front_spring),
-        (2, loaded.cg_to_front_axle, car.rear_spring),
-    ):
-        force = loaded.sprung_mass * G * arm / wheelbase / 2
-        tire = (force + unsprung * G) / car.tire_stiffness
-        heights.append(-tire - (force - geometry[i, 3]) / spring)
-    return float(np.arctan((heights[0] - heights[1]) / wheelbase))
 
 
 def first_state(
@@ -193,7 +140,7 @@ def integrate(
     history = np.empty((decisions * substeps + 1, COLUMNS))
     state = state.copy()
     memory = np.zeros(MEMORY)
-    memory[2] = 0 if gears else SECOND
+    memory[GEAR] = memory[NEXT_GEAR] = 0 if gears else SECOND
     command = np.zeros(4)
     extras = np.zeros(c.EXTRAS + 2)
     scratch = np.zeros(c.EXTRAS + 2)
@@ -254,7 +201,8 @@ def _motion(
     }
     velocity = state[:, c.VELOCITY : c.VELOCITY + 3]
     rate = state[:, c.RATE : c.RATE + 3]
-    drive, brake, ratio = state[:, c.DRIVE], state[:, c.BRAKE], history[:, RATIO]
+    ratio, brake = history[:, RATIO], state[:, c.BRAKE]
+    drive = np.where(ratio > 0, state[:, c.DRIVE], 0.0)
     gearing = ratio * car.final_drive * car.driveline_efficiency
     engine = np.where(ratio > 0, drive / np.where(ratio > 0, gearing, 1.0), 0.0)
     drive_share = np.array([car.front_drive] * 2 + [1 - car.front_drive] * 2) / 2

@@ -53,7 +53,7 @@ def build(
 
     distance: m that the reference drive has gone at `time` s, both uniform in time.
     """
-    s: Floats = np.arange(int(length / STEP) + 2) * STEP
+    s: Floats = np.multiply(np.arange(int(length / STEP) + 2), STEP)
     # where the reference stands still, time is not a function of distance: the last one counts
     moving = np.concatenate([np.diff(distance) > 0, [True]])
 

@@ -123,11 +123,11 @@ def _paths(part: Any, prefix: str = "") -> list[str]:
 
 def _set(part: Any, path: list[str], value: Any, key: str) -> Any:
     old = getattr(part, path[0])
-    new = _converted(old, value, key) if len(path) == 1 else _set(old, path[1:], value, key)
+    new = converted(old, value, key) if len(path) == 1 else _set(old, path[1:], value, key)
     return replace(part, **{path[0]: new})
 
 
-def _converted(old: Any, value: Any, key: str) -> Any:
+def converted(old: Any, value: Any, key: str) -> Any:
     """The override in the type of what it replaces; texts come from the command line."""
     if isinstance(value, str) and not isinstance(old, str):
         try:

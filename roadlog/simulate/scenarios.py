@@ -78,6 +78,7 @@ def _kim() -> list[Scenario]:
             imu=replace(PLAIN_IMU, accel_noise=_KIM_NOISE), can=PLAIN_CAN, gnss=NO_GNSS
         ),
     )
+    body = PitchModel(gradient=float(np.radians(0.15)), load=float(np.radians(0.3)))
     urban = Scenario(
         "kim2023-urban",
         "14 stops on gently rolling streets, IMU 1.9 m ahead (1000 s)",
@@ -114,7 +115,7 @@ def _kim() -> list[Scenario]:
         summary="10 starts and stops on one ramp; set road.grade, speed.acceleration and the load",
         speed=Launches(acceleration=1.5, motions=10, wait=5.0, smoothing=(0.5, 0.25)),
         road=RoadShape(grade=0.0),
-        straight=replace(urban.straight, gradient=float(np.radians(0.14))),
+        straight=replace(body, gradient=float(np.radians(0.14))),
     )
     return [motions, urban, testroad]
 
@@ -385,10 +386,10 @@ def _mountain() -> Scenario:
 
 
 def _city() -> Scenario:
-    """A plan of 33 blocks, drawn once; the hills are another seed's other hills."""
+    """A plan of 25 blocks, drawn once; the hills are another seed's other hills."""
     plan = np.random.default_rng(15)
     s, bends, stops = 20.0, "", []
-    for block in range(33):
+    for block in range(25):
         s += round(float(plan.uniform(90.0, 260.0)))
         if plan.uniform() < 0.8:
             stops.append((s, round(float(plan.uniform(6.0, 20.0)))))
@@ -414,11 +415,11 @@ def _city() -> Scenario:
     )
 
 
-LOADS = {
+LOADS = {  # static pitch of the wagon with each: -0.05, +0.2, +1.1, +1.6 deg
     "driver": Load(75.0, (0.10, 0.35, 0.10)),
     "family": Load(300.0, (-0.35, 0.0, 0.10)),
     "trunk": Load(250.0, (-1.60, 0.0, 0.10)),
-    "heavy": Load(480.0, (-1.20, 0.0, 0.10)),
+    "heavy": Load(500.0, (-1.20, 0.0, 0.10)),
 }
 
 SCENARIOS: dict[str, Scenario] = {

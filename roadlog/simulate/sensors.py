@@ -30,7 +30,7 @@ class CanSensors:
     wheel_noise: float = 0.0063  # m/s sd of a sample (0.02 rad/s)
     wheel_lsb: float = 0.0174  # m/s (0.055 rad/s)
     wheel_scale: float = 1.003  # wrong rolling radius
-    dead_band: float = 0.0  # m/s below which a wheel sensor says 0
+    dead_band: float = 0.3  # m/s below which a wheel sensor says 0
     latency: float = 0.020  # s, a message's values are this old
     speed_rate: float = 0.0
     speed_noise: float = 0.0  # m/s/sqrt(Hz): sd of a sample is noise sqrt(rate)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadlog.simulate.profiles import Knots, Profile, Window, sampled
+from roadlog.types import Floats
 
 TOUR_STEP = 0.5  # m
 
@@ -120,7 +121,7 @@ class Tour:
 
     def over(self, curvature: Profile | float, start: float) -> Knots:
         """Speed over time on a road of that curvature, from `start` m along it."""
-        s = start + np.arange(round(self.length / TOUR_STEP) + 1) * TOUR_STEP
+        s: Floats = start + np.arange(round(self.length / TOUR_STEP) + 1) * TOUR_STEP
         bend = np.abs(sampled(curvature, s))
         limit = np.minimum(sampled(self.cruise, s), np.sqrt(self.lateral / np.maximum(bend, 1e-6)))
         stops = {len(s) - 1: self.wait}
