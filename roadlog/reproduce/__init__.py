@@ -10,7 +10,10 @@ from typing import Any
 from roadlog.errors import ConfigError, near
 
 # paper -> the module and the function that run it
-PAPERS: dict[str, str] = {}
+PAPERS: dict[str, str] = {
+    "luo2024": "roadlog.reproduce.luo2024:luo2024",
+    "ryu2004": "roadlog.reproduce.ryu2004:ryu2004",
+}
 
 
 @dataclass(frozen=True)
