@@ -14,7 +14,7 @@ from roadlog.types import Bools, Floats
 SKIP = 5.0  # s, before which filters converge
 SEED = 1
 # RMSE in degrees of the chapter's prototype, the worse end of 5 seeds; the paper gives figures only
-DOCUMENTED = {
+DOCUMENTED: dict[str, dict[str, float | None]] = {
     "slalom": {"bank": 0.134, "roll": 0.109},
     "laps": {"bank": 0.129, "roll": 0.125},
     "chirp": {"bank": 0.15, "roll": None},
