@@ -14,7 +14,7 @@ import numpy as np
 from roadlog.drive import Drive, runs
 from roadlog.estimate import Detail, Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.longitudinal import Wheels, selected_speed, straight_flags
+from roadlog.estimators.longitudinal import selected_speed, straight_flags
 from roadlog.filters import Engine
 from roadlog.filters.gaps import age
 from roadlog.filters.suspension_ekf import SuspensionModel, filter_suspension, smooth_suspension
@@ -34,7 +34,9 @@ class EkfSuspensionParameters:
         "body", "", "the accelerometer pitches with the body, or stays parallel to the road"
     )
     use_drive_force: bool = parameter(True, "", "use the drive force where the log has one")
-    wheels: Wheels = parameter("all", "", "wheels that give the speed; section 1.2")
+    wheels: Literal["all", "front", "rear", "median"] = parameter(
+        "all", "", "wheels that give the speed; section 1.2"
+    )
     speed_noise: float = parameter(1e-3, "m/s", "process noise of the speed")
     accel_noise: float = parameter(3.0, "m/s2", "of the force balance; 0.3 only with brakes in it")
     grade_noise: float = parameter(1e-3, "rad", "random walk of the grade")

@@ -18,7 +18,6 @@ from roadlog.filters.windows import moving_mean
 from roadlog.types import Flags, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
-Wheels = Literal["all", "front", "rear", "median"]
 NOISE_TIME = 2.0  # s, window over which the sensors' noise is estimated from the log
 
 
@@ -26,7 +25,9 @@ NOISE_TIME = 2.0  # s, window over which the sensors' noise is estimated from th
 class StraightParameters:
     """What every straight-driving method may be told; section 1 of the chapter."""
 
-    wheels: Wheels = parameter("all", "", "wheels that give the speed; section 1.2")
+    wheels: Literal["all", "front", "rear", "median"] = parameter(
+        "all", "", "wheels that give the speed; section 1.2"
+    )
     slope_time: float = parameter(0.3, "s", "window of the speed's derivative; section 1.3")
     hold_time: float = parameter(5.0, "s", "the last value is held this long; section 1.5")
 
@@ -96,7 +97,7 @@ def longitudinal(drive: Drive, params: StraightParameters) -> Longitudinal:
     )
 
 
-def selected_speed(drive: Drive, wheels: Wheels) -> Floats:
+def selected_speed(drive: Drive, wheels: str) -> Floats:
     """m/s, from the chosen wheels; the drive's speed where it has no wheel speeds, else NaN."""
     if "wheel_speeds" in drive.sources_of_speed():
         return drive.wheel_speed(wheels)

@@ -28,8 +28,6 @@ from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import Vehicle
 
 MIN_SHARE = 0.9  # of a window's samples that must be known; section 2.1
-InclinationSource = Literal["paper", "x"]
-Preset = Literal["paper", "robust"]
 
 PRESETS: dict[str, dict[str, Any]] = {
     "paper": {"excitation_min": 0.0, "inclination_source": "paper", "smooth": False},
@@ -41,10 +39,12 @@ PRESETS: dict[str, dict[str, Any]] = {
 class LsWindowParameters(StraightParameters):
     """Section 2.1 of the chapter; none: as the preset says."""
 
-    preset: Preset = parameter("robust", "", "paper: as printed; robust: gated, well conditioned")
+    preset: Literal["paper", "robust"] = parameter(
+        "robust", "", "paper: as printed; robust: gated, well conditioned"
+    )
     window: float = parameter(1.2, "s", "of the least squares; the paper's 1200 samples")
     excitation_min: float | None = parameter(None, "m/s2", "least std of dv/dt in a window")
-    inclination_source: InclinationSource | None = parameter(
+    inclination_source: Literal["paper", "x"] | None = parameter(
         None, "", "paper: root of model 1; x: mean of model 2"
     )
     smooth: bool | None = parameter(None, "", "centered window instead of the last samples")

@@ -6,7 +6,7 @@ Massel 2004; corrections in the Massel/Kim/Wang chapter, section 2.4.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, parameter
 from roadlog.estimators.longitudinal import Longitudinal, longitudinal, with_preset
-from roadlog.estimators.ls_window import Preset
 from roadlog.estimators.ti import AnalyticFit, AnalyticParameters, analytic_estimate, analytic_sd
 from roadlog.filters import Engine
 from roadlog.filters.windows import moving_mean
@@ -29,7 +28,9 @@ PRESETS: dict[str, dict[str, Any]] = {"paper": {"smooth": False}, "robust": {"sm
 class PnParameters(AnalyticParameters):
     """Section 2.4 of the chapter; none: as the preset says."""
 
-    preset: Preset = parameter("robust", "", "paper: causal; robust: centered windows")
+    preset: Literal["paper", "robust"] = parameter(
+        "robust", "", "paper: causal; robust: centered windows"
+    )
     smooth: bool | None = parameter(None, "", "centered windows instead of the last samples")
 
 
@@ -62,9 +63,7 @@ def pn(drive: Drive, vehicle: Vehicle, params: PnParameters, engine: Engine) -> 
     n, smooth = max(1, round(params.window * drive.rate)), bool(params.smooth)
     grade, pitch, clipped = sample_angles(motion, params.vdot_min)
     sd = analytic_sd(motion, np.where(np.isfinite(grade), motion.vdot, np.nan), n, smooth)
-    fit = AnalyticFit(
-        moving_mean(grade, n, smooth), moving_mean(pitch, n, smooth), sd, sd, clipped
-    )
+    fit = AnalyticFit(moving_mean(grade, n, smooth), moving_mean(pitch, n, smooth), sd, sd, clipped)
     return analytic_estimate(drive, motion, fit, params)
 
 

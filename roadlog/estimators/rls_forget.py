@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from roadlog.estimators.longitudinal import (
     straight_flags,
     with_preset,
 )
-from roadlog.estimators.ls_window import InclinationSource, Preset
 from roadlog.filters import Engine
 from roadlog.filters.gaps import age, hold
 from roadlog.filters.rls import Regression, rls
@@ -42,14 +41,16 @@ PRESETS: dict[str, dict[str, Any]] = {
 class RlsForgetParameters(StraightParameters):
     """Section 2.2 of the chapter; none: as the preset says."""
 
-    preset: Preset = parameter("robust", "", "paper: as printed; robust: gated, against windup")
+    preset: Literal["paper", "robust"] = parameter(
+        "robust", "", "paper: as printed; robust: gated, against windup"
+    )
     forgetting: float = parameter(0.997, "-", "lambda per sample at 1 kHz, scaled to the rate")
     initial_variance: float = parameter(1e4, "-", "P0, not more than trace_max")
     trace_max: float | None = parameter(None, "-", "cap on the covariance's trace")
     excitation_min: float | None = parameter(None, "m/s2", "least std of dv/dt to learn from")
     excitation_time: float = parameter(1.2, "s", "window of that std")
     average_time: float = parameter(0.6, "s", "moving mean of the inclination, source x")
-    inclination_source: InclinationSource | None = parameter(
+    inclination_source: Literal["paper", "x"] | None = parameter(
         None, "", "paper: root of model 1; x: mean of model 2"
     )
     pitch_hold_time: float = parameter(30.0, "s", "pitch is held this long; section 1.5")
@@ -99,9 +100,7 @@ def fit_recursively(
         n = round(params.average_time * rate)
         inclination = np.where(known, moving_mean(motion.inclination, n), np.nan)
         inclination_sd = motion.inclination_sd * min(1.0, math.sqrt(motion.correlation / n))
-    return RlsFit(
-        pitch, inclination, pitch_sd, inclination_sd, squared, excitation, known, updated
-    )
+    return RlsFit(pitch, inclination, pitch_sd, inclination_sd, squared, excitation, known, updated)
 
 
 def _forgetting_mean(values: Floats, counted: Bools, forgetting: float) -> Floats:

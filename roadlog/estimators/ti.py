@@ -20,7 +20,6 @@ from roadlog.estimators.longitudinal import (
     straight_flags,
     with_preset,
 )
-from roadlog.estimators.ls_window import Preset
 from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
 from roadlog.filters.windows import moving_count, moving_mean, moving_sum
@@ -46,7 +45,9 @@ class AnalyticParameters(StraightParameters):
 class TiParameters(AnalyticParameters):
     """Section 2.3 of the chapter; none: as the preset says."""
 
-    preset: Preset = parameter("robust", "", "paper: mean, causal; robust: weighted, centered")
+    preset: Literal["paper", "robust"] = parameter(
+        "robust", "", "paper: mean, causal; robust: weighted, centered"
+    )
     sine_max: float = parameter(0.35, "-", "a sample whose sine of the grade is beyond is dropped")
     small_angle: bool = parameter(False, "", "the paper's small-angle formulas instead of exact")
     average: Literal["mean", "weighted"] | None = parameter(

@@ -6,6 +6,7 @@ Massel 2004, the combination; Massel/Kim/Wang chapter, section 2.5.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from roadlog.estimators.longitudinal import (
     straight_flags,
     with_preset,
 )
-from roadlog.estimators.ls_window import Preset
 from roadlog.estimators.rls_forget import PRESETS as RLS_PRESETS
 from roadlog.estimators.rls_forget import RlsForgetParameters, fit_recursively
 from roadlog.estimators.ti import PRESETS as TI_PRESETS
@@ -33,7 +33,7 @@ from roadlog.vehicle import Vehicle
 class TiRlsParameters(StraightParameters):
     """Section 2.5 of the chapter; each part runs with its own defaults of the same preset."""
 
-    preset: Preset = parameter("robust", "", "of both parts: paper or robust")
+    preset: Literal["paper", "robust"] = parameter("robust", "", "of both parts: paper or robust")
     vdot_full: float = parameter(0.3, "m/s2", "dv/dt from which only ti counts")
 
 

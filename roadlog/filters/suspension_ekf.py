@@ -237,7 +237,8 @@ def _filter_reference(
 
     class Filter(ExtendedKalmanFilter):  # type: ignore[misc]
         def predict_x(self, u: float = 0.0) -> None:
-            self.x = transition(self.x[:, 0], u, car).reshape(4, 1)
+            state: Floats = np.ravel(vars(self)["x"])
+            self.x = transition(state, u, car).reshape(4, 1)
 
     ekf = Filter(4, 1)
     ekf.x, ekf.P = x0.reshape(4, 1).copy(), P0.copy()
