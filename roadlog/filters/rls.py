@@ -99,10 +99,8 @@ def _rls_reference(
             kf.P = posterior
             kf.predict()
             kf.update(np.array([[regression.y[k]]]), H=rows[k : k + 1])
-            # RLS divides by lambda after the update, the Kalman filter in the next prediction
-            trace = np.trace(kf.P) / forgetting
-            posterior = kf.P * min(1.0, trace_max / trace)
+            posterior = kf.P * min(1.0, trace_max / np.trace(kf.P))
             errors[k] = kf.y[0, 0]
         xs[k] = kf.x[:, 0]
-        p11s[k] = posterior[0, 0] / forgetting
+        p11s[k] = posterior[0, 0]
     return RlsTrack(xs, p11s, errors)

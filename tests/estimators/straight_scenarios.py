@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from conftest import EPOCH_NS, table
 from scipy.signal import butter, sosfilt
 
-from conftest import EPOCH_NS, table
 from roadlog.drive import Drive
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -55,9 +55,7 @@ def massel_drive(name: str, rate: float = 100.0, seed: int | None = 1, noise: st
     """The manoeuvre on a grid of `rate` Hz with noise N1 or N2; seed None: exact sensors."""
     full = truth(name)
     every = round(SIMULATION_RATE / rate)
-    speed, vdot, grade, p = (
-        a[::every] for a in (full.speed, full.vdot, full.grade, full.pitch)
-    )
+    speed, vdot, grade, p = (a[::every] for a in (full.speed, full.vdot, full.grade, full.pitch))
     along, normal = vdot + G * np.sin(grade), G * np.cos(grade)
     f_x, f_z = along * np.cos(p) + normal * np.sin(p), normal * np.cos(p) - along * np.sin(p)
     if seed is not None:
