@@ -26,8 +26,8 @@ def simulate(
     from roadlog.vehicle import Vehicle
 
     given = Vehicle.load(vehicle) if vehicle else None
-    simulation = simulator.simulate(scenario, seed=seed, ideal=ideal)
-    create(out, simulation.tables, simulation.metadata, given or simulation.vehicle)
+    simulation = simulator.simulate(scenario, seed=seed, ideal=ideal, vehicle=given)
+    create(out, simulation.tables, simulation.metadata, simulation.vehicle)
     messages = sum(len(table) for table in simulation.tables)
     console.say(f"{out}: {scenario}, seed {seed}, {messages} messages")
 
@@ -39,5 +39,5 @@ def scenarios() -> None:
     """
     from roadlog.simulate import SCENARIOS
 
-    rows = [list(item) for item in SCENARIOS.items()]
+    rows = [[name, scenario.summary] for name, scenario in SCENARIOS.items()]
     console.print_table(["scenario", "what it is"], rows, left=2)
