@@ -10,7 +10,10 @@ from typing import Any
 from roadlog.errors import ConfigError, near
 
 # paper -> the module and the function that run it
-PAPERS: dict[str, str] = {}
+PAPERS: dict[str, str] = {
+    "massel2004": "roadlog.reproduce.massel2004:reproduce",
+    "wang2025": "roadlog.reproduce.wang2025:reproduce",
+}
 
 
 @dataclass(frozen=True)
