@@ -84,11 +84,14 @@ def longitudinal(drive: Drive, params: StraightParameters) -> Longitudinal:
     n = odd_window(params.slope_time, drive.dt)
     speed = selected_speed(drive, params.wheels)
     f_x, f_z = drive.get("imu.accel_x"), drive.get("imu.accel_z")
+    vdot = slope(speed, n, drive.dt)
+    # the kernel pads the ends with a constant speed: no derivative there, as beside a gap
+    vdot[: n // 2] = vdot[len(vdot) - n // 2 :] = np.nan
     return Longitudinal(
         speed=speed,
         f_x=parabolic_mean(f_x, n),
         f_z=parabolic_mean(f_z, n),
-        vdot=slope(speed, n, drive.dt),
+        vdot=vdot,
         f_x_sd=noise_sd(f_x, n, drive.rate),
         f_z_sd=noise_sd(f_z, n, drive.rate),
         vdot_sd=noise_sd(speed, n, drive.rate) * np.sqrt(12.0 / n**3) / drive.dt,
