@@ -34,8 +34,8 @@ class PnParameters(AnalyticParameters):
     smooth: bool | None = parameter(None, "", "centered windows instead of the last samples")
 
 
-def sample_angles(motion: Longitudinal, vdot_min: float) -> tuple[Floats, Floats, Bools]:
-    """Grade and pitch of every sample alone, and where the discriminant was negative.
+def sample_angles(motion: Longitudinal, params: PnParameters) -> tuple[Floats, Floats, Bools]:
+    """Grade and pitch of every sample alone, and which were dropped: no root, or too steep.
 
     vdot^2/4 p^4 + C vdot p^2 + 2 g vdot p + E = 0 with C = f_x - vdot, E = C^2 + 2 g (f_z - g);
     p^4 is dropped. The rationalized root is the small one for both signs of vdot (erratum 4).
@@ -44,12 +44,13 @@ def sample_angles(motion: Longitudinal, vdot_min: float) -> tuple[Floats, Floats
     c = motion.f_x - vdot
     e = c**2 + 2 * G * (motion.f_z - G)
     discriminant = (G * vdot) ** 2 - c * vdot * e
-    usable = np.abs(vdot) >= vdot_min
-    clipped = usable & (discriminant < 0)
-    usable &= discriminant >= 0
-    root = np.sqrt(np.where(usable, discriminant, np.nan))
+    usable = np.abs(vdot) >= params.vdot_min
+    root = np.sqrt(np.where(usable & (discriminant >= 0), discriminant, np.nan))
     pitch = -e / (G * vdot + np.sign(vdot) * root)
-    return (c + vdot * pitch**2 / 2) / G - pitch, pitch, clipped
+    grade = (c + vdot * pitch**2 / 2) / G - pitch
+    possible = np.abs(grade) <= np.arcsin(params.sine_max)  # NaN is not
+    grade, pitch = (np.where(possible, angle, np.nan) for angle in (grade, pitch))
+    return grade, pitch, usable & ~possible
 
 
 def pn(drive: Drive, vehicle: Vehicle, params: PnParameters, engine: Engine) -> Estimate:
@@ -61,7 +62,7 @@ def pn(drive: Drive, vehicle: Vehicle, params: PnParameters, engine: Engine) -> 
     params = with_preset(params, PRESETS, params.preset)
     motion = longitudinal(drive, params)
     n, smooth = max(1, round(params.window * drive.rate)), bool(params.smooth)
-    grade, pitch, clipped = sample_angles(motion, params.vdot_min)
+    grade, pitch, clipped = sample_angles(motion, params)
     sd = analytic_sd(motion, np.where(np.isfinite(grade), motion.vdot, np.nan), n, smooth)
     fit = AnalyticFit(moving_mean(grade, n, smooth), moving_mean(pitch, n, smooth), sd, sd, clipped)
     return analytic_estimate(drive, motion, fit, params)

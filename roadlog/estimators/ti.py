@@ -39,6 +39,7 @@ class AnalyticParameters(StraightParameters):
 
     window: float = parameter(0.6, "s", "of the moving means; the paper's 600 samples")
     vdot_min: float = parameter(0.02, "m/s2", "a sample (or window rms) below it says nothing")
+    sine_max: float = parameter(0.35, "-", "a sample whose sine of the grade is beyond is dropped")
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,6 @@ class TiParameters(AnalyticParameters):
     preset: Literal["paper", "robust"] = parameter(
         "robust", "", "paper: mean, causal; robust: weighted, centered"
     )
-    sine_max: float = parameter(0.35, "-", "a sample whose sine of the grade is beyond is dropped")
     small_angle: bool = parameter(False, "", "the paper's small-angle formulas instead of exact")
     average: Literal["mean", "weighted"] | None = parameter(
         None, "", "mean of samples, or least squares weighted by dv/dt (no pole at 0)"

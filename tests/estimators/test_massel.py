@@ -10,6 +10,7 @@ from straight_scenarios import errors_deg, massel_drive, massel_truth, rmse
 
 from roadlog import estimators
 from roadlog.estimators.longitudinal import Longitudinal
+from roadlog.estimators.pn import PnParameters
 from roadlog.estimators.pn import sample_angles as pn_angles
 from roadlog.estimators.ti import TiParameters
 from roadlog.estimators.ti import sample_angles as ti_angles
@@ -79,7 +80,7 @@ def test_identity_is_exact_and_returns_the_angles() -> None:
 @pytest.mark.parametrize("vdot", [0.3, -0.3])
 def test_polynomial_takes_the_small_root_for_both_signs(vdot: float) -> None:
     motion = exact_motion(np.array([vdot]), np.array([np.arctan(0.1)]), np.array([np.radians(0.5)]))
-    _, pitch, _ = pn_angles(motion, 0.02)
+    _, pitch, _ = pn_angles(motion, PnParameters())
     assert abs(np.degrees(pitch[0]) - 0.5) < 0.06
 
 
