@@ -30,7 +30,7 @@ def test_massel_prints_its_tables(roadlog) -> None:
     result = roadlog("reproduce", "massel2004")
     assert result.returncode == 0, result.stderr
     assert "quasi at 1000 Hz, 20 seeds" in result.stdout
-    assert result.stdout.count("holds  ") == 5
+    assert result.stdout.count("holds  ") == 6
 
 
 def test_unknown_paper_is_an_error_that_names_the_near_ones(roadlog) -> None:
