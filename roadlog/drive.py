@@ -134,14 +134,14 @@ class Drive:
         return bool(self.sources_of_speed())
 
     def wheel_speed(self, wheels: str = "all") -> Floats:
-        """m/s, mean of `all`, `front` or `rear` wheels; of those that are known at each time."""
-        names = {"all": ("fl", "fr", "rl", "rr"), "front": ("fl", "fr"), "rear": ("rl", "rr")}
-        there = [f"wheel_speeds.{w}" for w in names[wheels] if f"wheel_speeds.{w}" in self]
+        """m/s, mean of `all`, `front` or `rear` wheels, or `median` of all; of those known."""
+        axles = {"front": ("fl", "fr"), "rear": ("rl", "rr")}
+        names = axles.get(wheels, ("fl", "fr", "rl", "rr"))
+        there = [f"wheel_speeds.{w}" for w in names if f"wheel_speeds.{w}" in self]
         if not there:
-            raise MissingSignalError(
-                f"no wheel speed ({', '.join(names[wheels])}) is in this drive"
-            )
-        return nan_mean(np.stack([self[role] for role in there]))
+            raise MissingSignalError(f"no wheel speed ({', '.join(names)}) is in this drive")
+        rows = np.stack([self[role] for role in there])
+        return nan_median(rows) if wheels == "median" else nan_mean(rows)
 
     @cached_property
     def speed(self) -> Floats:
@@ -241,3 +241,12 @@ def nan_mean(rows: Floats) -> Floats:
     count = known.sum(axis=0)
     total = np.where(known, rows, 0.0).sum(axis=0)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def nan_median(rows: Floats) -> Floats:
+    """Median over the first axis of what is known; NaN where nothing is."""
+    ordered = np.sort(rows, axis=0)  # NaN last
+    count = np.isfinite(rows).sum(axis=0)
+    k = np.arange(rows.shape[1])
+    low = ordered[np.maximum(count - 1, 0) // 2, k]
+    return (low + ordered[np.minimum(count // 2, np.maximum(count - 1, 0)), k]) / 2

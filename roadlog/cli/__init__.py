@@ -50,11 +50,12 @@ def _register() -> None:
     from roadlog.cli.info import info
     from roadlog.cli.ingest import ingest
     from roadlog.cli.profiles import profiles
+    from roadlog.cli.reproduce import reproduce
     from roadlog.cli.simulate import scenarios, simulate
     from roadlog.cli.view import view
 
     using = (ingest, info, estimate, evaluate, view)
-    making = (simulate, scenarios, estimators, profiles, demo)
+    making = (simulate, scenarios, estimators, reproduce, profiles, demo)
     for command in (*using, *making):
         app.command()(command)
 

@@ -25,6 +25,15 @@ TABLE: dict[str, str] = {
     "roll_bank_obs": "roadlog.estimators.roll_bank_obs:ROLL_BANK_OBS",
     "split_qs": "roadlog.estimators.split_qs:SPLIT_QS",
     "tfobe": "roadlog.estimators.tfobe:TFOBE",
+    "incl_kinematic": "roadlog.estimators.incl_kinematic:INCL_KINEMATIC",
+    "ls_window": "roadlog.estimators.ls_window:LS_WINDOW",
+    "rls_forget": "roadlog.estimators.rls_forget:RLS_FORGET",
+    "ti": "roadlog.estimators.ti:TI",
+    "pn": "roadlog.estimators.pn:PN",
+    "ti_rls": "roadlog.estimators.ti_rls:TI_RLS",
+    "ekf_suspension": "roadlog.estimators.ekf_suspension:EKF_SUSPENSION",
+    "ls_attitude": "roadlog.estimators.ls_attitude:LS_ATTITUDE",
+    "fuel_level": "roadlog.estimators.fuel_level:FUEL_LEVEL",
 }
 
 ENTRY_POINTS = "roadlog.estimators"

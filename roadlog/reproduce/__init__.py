@@ -13,6 +13,8 @@ from roadlog.errors import ConfigError, near
 PAPERS: dict[str, str] = {
     "luo2024": "roadlog.reproduce.luo2024:luo2024",
     "ryu2004": "roadlog.reproduce.ryu2004:ryu2004",
+    "massel2004": "roadlog.reproduce.massel2004:reproduce",
+    "wang2025": "roadlog.reproduce.wang2025:reproduce",
 }
 
 

@@ -1,0 +1,91 @@
+"""Speed of the compiled engine against filterpy on the same data in the same run, and of an hour.
+
+Run: python benchmarks/estimators.py
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from roadlog import estimators
+from roadlog.drive import Drive
+from roadlog.estimators.ekf_suspension import (
+    EkfSuspensionParameters,
+    drive_force,
+    suspension_model,
+)
+from roadlog.filters.rls import Regression, rls
+from roadlog.filters.suspension_ekf import filter_suspension
+from roadlog.simulate import simulate
+
+HOUR = 360_000  # samples at 100 Hz
+SHARED = 10_000  # samples that both engines run
+METHODS = (
+    "incl_kinematic",
+    "ls_window",
+    "rls_forget",
+    "ti",
+    "pn",
+    "ti_rls",
+    "ekf_suspension",
+    "lowpass_attitude",
+    "ls_attitude",
+    "fuel_level",
+)
+
+
+def best(run: Callable[[], object], times: int = 3) -> float:
+    """s, the shortest of some runs; the first one compiles and does not count."""
+    run()
+    durations = []
+    for _ in range(times):
+        started = time.perf_counter()
+        run()
+        durations.append(time.perf_counter() - started)
+    return min(durations)
+
+
+def main() -> None:
+    """Print ratios and seconds as JSON."""
+    simulation = simulate("wang2025-up9")
+    short = Drive.from_tables(simulation.tables)
+    signals = {role: values[:SHARED] for role, values in short.signals.items()}
+    short = Drive(short.time[:SHARED], 0, 100.0, signals, {})
+    u = np.sin(np.arange(SHARED) / 50)
+    regression = Regression(-u, np.full(SHARED, -4.9), 0.01 * u, np.ones(SHARED, np.bool_))
+    n = min(SHARED, len(short.speed))
+    model = suspension_model(
+        simulation.vehicle,
+        EkfSuspensionParameters(),
+        0.01,
+        short.speed[:n],
+        short["imu.accel_x"][:n],
+        drive_force(short, simulation.vehicle)[:n],
+    )
+    ratios = {}
+    for name, run in (
+        ("rls", lambda engine: rls(regression, 0.97, 1e4, 1e2, engine)),
+        ("ekf", lambda engine: filter_suspension(model, engine)),
+    ):
+        compiled, reference = (best(lambda e=e, r=run: r(e)) for e in ("compiled", "reference"))
+        ratios[name] = round(reference / compiled, 1)
+    copies = -(-HOUR // SHARED)
+    signals = {role: np.tile(values, copies)[:HOUR] for role, values in short.signals.items()}
+    hour = Drive(np.arange(HOUR) / 100.0, 0, 100.0, signals, {})
+    seconds = {}
+    for method in METHODS:
+        estimators.run(method, short, simulation.vehicle)  # compiles
+        started = time.perf_counter()
+        estimators.run(method, hour, simulation.vehicle)
+        seconds[method] = round(time.perf_counter() - started, 3)
+    total = round(sum(seconds.values()), 2)
+    result = {"times_filterpy": ratios, "hour_s": seconds, "hour_total_s": total}
+    print(json.dumps(result, indent=2))
+
+
+if __name__ == "__main__":
+    main()

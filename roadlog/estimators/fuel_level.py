@@ -1,0 +1,122 @@
+"""Fuel in a tilted tank from one sender, the application of Wang 2025.
+
+Massel/Kim/Wang chapter, section 4.4.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from roadlog.drive import Drive, runs
+from roadlog.estimate import Detail, Estimate
+from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
+from roadlog.estimators.ekf_suspension import EkfSuspensionParameters, ekf_suspension
+from roadlog.filters import Engine
+from roadlog.filters.gaps import hold
+from roadlog.filters.kernels import odd_window, slope
+from roadlog.types import Floats
+from roadlog.units import STANDARD_GRAVITY as G
+from roadlog.vehicle import Vehicle
+
+LITERS = 1000.0  # L/m3
+SENDER_MARGIN = 0.002  # m; nearer to floor or roof the sender only gives a bound (4.4)
+LEVEL_TILT = 1e-6  # tan; below it the surface counts as level (4.4)
+
+
+@dataclass(frozen=True)
+class FuelLevelParameters:
+    """Section 4.4 of the chapter."""
+
+    tilt_source: Literal["specific_force", "attitude", "attitude_accel"] = parameter(
+        "specific_force",
+        "",
+        "specific_force: IMU; attitude: inclination of ekf_suspension as in the paper; "
+        "attitude_accel: with the surface's answer to dv/dt",
+    )
+    slosh_time: float = parameter(10.0, "s", "time constant of the low-pass")
+    hold_time: float = parameter(60.0, "s", "held this long while the sender is dry or full; ours")
+
+
+def tank_volume(level: Floats, tilt: Floats, vehicle: Vehicle) -> Floats:
+    """m3 in a box tank: fuel height `level` (m) at the sender, surface falling forward by `tilt`.
+
+    tilt is the tangent. Exact for a box, also where the surface meets floor or roof.
+    """
+    length, height, x = vehicle.tank_length, vehicle.tank_height, vehicle.tank_sender[0]
+
+    def area(u: Floats) -> Floats:
+        inside = np.clip(u, 0.0, height)
+        return inside**2 / 2 + height * np.maximum(u - height, 0.0)
+
+    level_surface = np.abs(tilt) < LEVEL_TILT
+    t = np.where(level_surface, 1.0, tilt)
+    tilted = (area(level + t * (length / 2 + x)) - area(level - t * (length / 2 - x))) / t
+    flat = length * np.clip(level, 0.0, height)
+    return vehicle.tank_width * np.where(level_surface, flat, tilted)
+
+
+def fuel_level(
+    drive: Drive, vehicle: Vehicle, params: FuelLevelParameters, engine: Engine
+) -> Estimate:
+    """Volume from the sender's level and the tilt of the surface, which is normal to the force."""
+    level = drive.get("fuel.sender")
+    lateral = np.nan_to_num(drive.get("imu.accel_y") / drive.get("imu.accel_z"))
+    tilt = surface_tilt(drive, vehicle, params, engine)
+    dry_or_full = (level <= SENDER_MARGIN) | (level >= vehicle.tank_height - SENDER_MARGIN)
+    # a surface that falls to the left reads high at a sender on the right
+    level_at_center_line = level + lateral * vehicle.tank_sender[1]
+    raw = tank_volume(level_at_center_line, tilt, vehicle)
+    raw, held = hold(np.where(dry_or_full, np.nan, raw), round(params.hold_time * drive.rate))
+    known = np.isfinite(level) & np.isfinite(tilt)
+    volume = np.full(len(drive), np.nan)
+    alpha = 1 - math.exp(-drive.dt / params.slosh_time)
+    for run in runs(np.isfinite(raw)):
+        volume[run] = _lowpass(raw[run], alpha, round(params.slosh_time * drive.rate))
+    tank = vehicle.tank_length * vehicle.tank_width * vehicle.tank_height
+    columns = {
+        "volume_raw": raw * LITERS,
+        "volume": volume * LITERS,
+        "level_fraction": volume / tank,
+        "tilt": np.arctan(tilt),
+    }
+    flags = flag(~known, "missing") | flag(held, "held") | flag(dry_or_full, "saturated")
+    details = {"fuel": Detail("roadlog.v1.FuelEstimate", drive.time, columns)}
+    valid = known & ~dry_or_full & np.isfinite(volume)
+    return Estimate(drive.time, {}, {}, valid, flags, details)
+
+
+def surface_tilt(
+    drive: Drive, vehicle: Vehicle, params: FuelLevelParameters, engine: Engine
+) -> Floats:
+    """Tangent of the surface's tilt in the body's x-z plane, falling forward +."""
+    if params.tilt_source == "specific_force":
+        return drive.get("imu.accel_x") / drive.get("imu.accel_z")
+    inclination = ekf_suspension(drive, vehicle, EkfSuspensionParameters(), engine).inclination
+    if params.tilt_source == "attitude":
+        return np.tan(inclination)
+    vdot = slope(drive.speed, odd_window(0.3, drive.dt), drive.dt)
+    return np.tan(inclination + np.arctan(vdot / G))
+
+
+def _lowpass(values: Floats, alpha: float, start: int) -> Floats:
+    """First-order low-pass, started at the mean of the first `start` samples' worth of slosh."""
+    from scipy.signal import lfilter
+
+    first = values[: max(1, start)].mean()
+    return lfilter([alpha], [1, alpha - 1], values, zi=[(1 - alpha) * first])[0]
+
+
+FUEL_LEVEL = Estimator(
+    name="fuel_level",
+    run=fuel_level,
+    parameters=FuelLevelParameters,
+    needs=("fuel.sender", "imu.accel_x", "imu.accel_z", ANY_SPEED),
+    gives=(),
+    reference="Wang 2025, application",
+    summary="liters of fuel in a tilted tank, from one sender and the specific force",
+    vehicle=("tank_length", "tank_width", "tank_height", "tank_sender"),
+)

@@ -1,0 +1,64 @@
+"""Inclination from longitudinal specific force minus acceleration, sample by sample.
+
+Massel/Kim/Wang chapter, section 1.7: the base of the straight-driving methods.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from roadlog.drive import Drive
+from roadlog.estimate import Estimate
+from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
+from roadlog.estimators.longitudinal import StraightParameters, longitudinal, straight_flags
+from roadlog.filters import Engine
+from roadlog.filters.gaps import hold
+from roadlog.filters.windows import moving_mean
+from roadlog.types import Floats
+from roadlog.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class InclKinematicParameters(StraightParameters):
+    """Section 1.7 of the chapter."""
+
+    average_time: float = parameter(0.0, "s", "further centered moving mean; 0 for none")
+
+
+def incl_kinematic(
+    drive: Drive, vehicle: Vehicle, params: InclKinematicParameters, engine: Engine
+) -> Estimate:
+    """Inclination = asin((f_x - dv/dt) / g); an accelerometer bias b stays in it as b / g."""
+    del vehicle, engine  # kinematic, and one vectorized formula
+    motion = longitudinal(drive, params)
+    inclination = averaged(motion.inclination, params.average_time, drive.rate)
+    sd = motion.inclination_sd
+    if params.average_time > params.slope_time:
+        sd = sd * np.sqrt(params.slope_time / (1.2 * params.average_time))
+    known = np.isfinite(inclination)
+    limit = round(params.hold_time * drive.rate)
+    inclination, was_held = hold(inclination, limit)
+    sd, _ = hold(sd, limit)
+    flags = straight_flags(drive, known) | flag(was_held, "held")
+    return Estimate(drive.time, {"inclination": inclination}, {"inclination": sd}, known, flags)
+
+
+def averaged(values: Floats, duration: float, rate: float, centered: bool = True) -> Floats:
+    """Moving mean over `duration` seconds of what is known; unknown samples stay unknown."""
+    n = round(duration * rate)
+    if n <= 1:
+        return values
+    return np.where(np.isfinite(values), moving_mean(values, n, centered), np.nan)
+
+
+INCL_KINEMATIC = Estimator(
+    name="incl_kinematic",
+    run=incl_kinematic,
+    parameters=InclKinematicParameters,
+    needs=("imu.accel_x", ANY_SPEED),
+    gives=("inclination",),
+    reference="Massel/Kim/Wang chapter, 1.7",
+    summary="inclination from acceleration minus dv/dt, sample by sample; straight driving",
+)

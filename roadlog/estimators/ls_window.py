@@ -1,0 +1,165 @@
+"""Pitch and inclination by least squares over a sliding window.
+
+Massel 2004, equations (6)-(15); corrections in the Massel/Kim/Wang chapter, sections 2.0 and 2.1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from roadlog.drive import Drive
+from roadlog.estimate import Detail, Estimate
+from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
+from roadlog.estimators.longitudinal import (
+    Longitudinal,
+    StraightParameters,
+    longitudinal,
+    straight_flags,
+    with_preset,
+)
+from roadlog.filters import Engine
+from roadlog.filters.gaps import hold
+from roadlog.filters.windows import moving_sum
+from roadlog.types import Floats
+from roadlog.units import STANDARD_GRAVITY as G
+from roadlog.vehicle import Vehicle
+
+MIN_SHARE = 0.9  # of a window's samples that must be known; section 2.1
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "paper": {"excitation_min": 0.0, "inclination_source": "paper", "smooth": False},
+    "robust": {"excitation_min": 0.05, "inclination_source": "x", "smooth": True},
+}
+
+
+@dataclass(frozen=True)
+class LsWindowParameters(StraightParameters):
+    """Section 2.1 of the chapter; none: as the preset says."""
+
+    preset: Literal["paper", "robust"] = parameter(
+        "robust", "", "paper: as printed; robust: gated, well conditioned"
+    )
+    window: float = parameter(1.2, "s", "of the least squares; the paper's 1200 samples")
+    excitation_min: float | None = parameter(None, "m/s2", "least std of dv/dt in a window")
+    inclination_source: Literal["paper", "x"] | None = parameter(
+        None, "", "paper: root of model 1; x: mean of model 2"
+    )
+    smooth: bool | None = parameter(None, "", "centered window instead of the last samples")
+    pitch_hold_time: float = parameter(30.0, "s", "pitch is held this long; section 1.5")
+
+
+@dataclass(frozen=True)
+class WindowFit:
+    """Least squares of both models in every window, rad and m/s2; NaN where a window is short."""
+
+    pitch: Floats
+    inclination: Floats
+    pitch_sd: Floats
+    inclination_sd: Floats
+    inclination_squared: Floats
+    excitation: Floats
+    known: np.ndarray  # the window holds enough samples
+
+
+def fit_windows(motion: Longitudinal, n: int, source: str, centered: bool) -> WindowFit:
+    """Sliding least squares over n samples; sums of centered signals, never normal equations.
+
+    Model 1: f_z - g = -vdot p - g/2 i^2. Model 2: f_x - vdot = -vdot/2 p^2 + g i (2.0).
+    """
+    y1, y2, u = motion.f_z - G, motion.f_x - motion.vdot, motion.vdot
+    mask = np.isfinite(y1) & np.isfinite(y2) & np.isfinite(u)
+
+    def centered_signal(values: Floats) -> tuple[Floats, float]:
+        offset = float(values[mask].mean()) if mask.any() else 0.0
+        return np.where(mask, values - offset, 0.0), offset
+
+    (u, u0), (y1, y1_0), (y2, y2_0) = (centered_signal(values) for values in (u, y1, y2))
+    count = np.rint(moving_sum(mask.astype(np.float64), n, centered))
+    safe = np.maximum(count, 3.0)
+    s_u, s_1, s_2 = (moving_sum(values, n, centered) for values in (u, y1, y2))
+
+    def covariance(a: Floats, b: Floats, s_a: Floats, s_b: Floats) -> Floats:
+        return moving_sum(a * b, n, centered) - s_a * s_b / safe
+
+    c_uu = np.maximum(covariance(u, u, s_u, s_u), 0.0)
+    c_1, c_2 = covariance(u, y1, s_u, s_1), covariance(u, y2, s_u, s_2)
+    # a window without any excitation gives no slope; NaN says so better than a division by 0
+    slope_1, slope_2 = (c / np.where(c_uu > 0, c_uu, np.nan) for c in (c_1, c_2))
+    u_mean, y1_mean, y2_mean = s_u / safe + u0, s_1 / safe + y1_0, s_2 / safe + y2_0
+    intercept_1 = y1_mean - slope_1 * u_mean
+    squared = -2 * intercept_1 / G
+    residual_1 = np.maximum(covariance(y1, y1, s_1, s_1) - np.nan_to_num(c_1 * slope_1), 0.0)
+    residual_2 = np.maximum(covariance(y2, y2, s_2, s_2) - np.nan_to_num(c_2 * slope_2), 0.0)
+    # smoothed signals are correlated: fewer independent samples than samples
+    variance_1, variance_2 = (r / (safe - 2) * motion.correlation for r in (residual_1, residual_2))
+    if source == "paper":
+        sign = np.sign((y2_mean - slope_2 * u_mean) / G)
+        inclination = sign * np.sqrt(np.maximum(squared, 0.0))
+        intercept_sd = np.sqrt(variance_1 * (1 / safe + u_mean**2 / c_uu.clip(min=1e-30)))
+        inclination_sd = intercept_sd / (G * np.maximum(np.abs(inclination), 1e-3))
+    else:
+        inclination = y2_mean / G
+        inclination_sd = np.sqrt(variance_2 / safe) / G
+    known = count >= MIN_SHARE * n
+    return WindowFit(
+        pitch=np.where(known, -slope_1, np.nan),
+        inclination=np.where(known, inclination, np.nan),
+        pitch_sd=np.sqrt(variance_1 / c_uu.clip(min=1e-30)),
+        inclination_sd=inclination_sd,
+        inclination_squared=np.where(known, squared, np.nan),
+        excitation=np.where(known, np.sqrt(c_uu / safe), np.nan),
+        known=known,
+    )
+
+
+def ls_window(
+    drive: Drive, vehicle: Vehicle, params: LsWindowParameters, engine: Engine
+) -> Estimate:
+    """Pitch is the slope of f_z over dv/dt, inclination the mean of f_x - dv/dt; grade = i - p.
+
+    A body that pitches with dv/dt biases the pitch: p_LS = p + k g i (erratum 2).
+    """
+    del vehicle, engine  # no parameter of the car; sliding sums are one vectorized formula
+    params = with_preset(params, PRESETS, params.preset)
+    motion = longitudinal(drive, params)
+    n = max(4, round(params.window * drive.rate))
+    source, smooth = params.inclination_source or "x", bool(params.smooth)
+    fit = fit_windows(motion, n, source, smooth)
+    excited = fit.known & (fit.excitation >= (params.excitation_min or 0.0))
+    excited &= np.isfinite(fit.pitch)
+    limit = round(params.hold_time * drive.rate)
+    pitch_limit = round(params.pitch_hold_time * drive.rate)
+    pitch, pitch_held = hold(np.where(excited, fit.pitch, np.nan), pitch_limit)
+    pitch_sd, _ = hold(np.where(excited, fit.pitch_sd, np.nan), pitch_limit)
+    inclination, inclination_held = hold(fit.inclination, limit)
+    inclination_sd, _ = hold(np.where(fit.known, fit.inclination_sd, np.nan), limit)
+    started = np.cumsum(fit.known) > 0
+    flags = (
+        straight_flags(drive, fit.known | ~started)
+        | flag(pitch_held | inclination_held, "held")
+        | flag(fit.known & ~excited, "excitation")
+        | flag(~started, "converging")
+    )
+    angles = {"grade": inclination - pitch, "pitch": pitch, "inclination": inclination}
+    sd = {
+        "grade": np.hypot(inclination_sd, pitch_sd),
+        "pitch": pitch_sd,
+        "inclination": inclination_sd,
+    }
+    fit_columns = {"excitation": fit.excitation, "inclination_squared": fit.inclination_squared}
+    details = {"fit": Detail("roadlog.v1.PitchRegression", drive.time, fit_columns)}
+    return Estimate(drive.time, angles, sd, excited, flags, details)
+
+
+LS_WINDOW = Estimator(
+    name="ls_window",
+    run=ls_window,
+    parameters=LsWindowParameters,
+    needs=("imu.accel_x", "imu.accel_z", ANY_SPEED),
+    gives=("grade", "pitch", "inclination"),
+    reference="Massel 2004, eqs. (6)-(15)",
+    summary="pitch and grade by sliding least squares; needs changing dv/dt and a smooth road",
+)

@@ -1,0 +1,165 @@
+"""Pitch and inclination by recursive least squares with exponential forgetting.
+
+Massel 2004, equations (16)-(18); corrections in the Massel/Kim/Wang chapter, sections 2.0 and 2.2.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from roadlog.drive import Drive
+from roadlog.estimate import Detail, Estimate
+from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
+from roadlog.estimators.longitudinal import (
+    Longitudinal,
+    StraightParameters,
+    longitudinal,
+    straight_flags,
+    with_preset,
+)
+from roadlog.filters import Engine
+from roadlog.filters.gaps import age, hold
+from roadlog.filters.rls import Regression, rls
+from roadlog.filters.windows import moving_mean, moving_std
+from roadlog.types import Bools, Floats
+from roadlog.units import STANDARD_GRAVITY as G
+from roadlog.vehicle import Vehicle
+
+PAPER_RATE = 1000.0  # Hz, at which the paper gives its forgetting factor
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "paper": {"excitation_min": 0.0, "trace_max": math.inf, "inclination_source": "paper"},
+    "robust": {"excitation_min": 0.05, "trace_max": 1e2, "inclination_source": "x"},
+}
+
+
+@dataclass(frozen=True)
+class RlsForgetParameters(StraightParameters):
+    """Section 2.2 of the chapter; none: as the preset says."""
+
+    preset: Literal["paper", "robust"] = parameter(
+        "robust", "", "paper: as printed; robust: gated, against windup"
+    )
+    forgetting: float = parameter(0.997, "-", "lambda per sample at 1 kHz, scaled to the rate")
+    initial_variance: float = parameter(1e4, "-", "P0, not more than trace_max")
+    trace_max: float | None = parameter(None, "-", "cap on the covariance's trace")
+    excitation_min: float | None = parameter(None, "m/s2", "least std of dv/dt to learn from")
+    excitation_time: float = parameter(1.2, "s", "window of that std")
+    average_time: float = parameter(0.6, "s", "moving mean of the inclination, source x")
+    inclination_source: Literal["paper", "x"] | None = parameter(
+        None, "", "paper: root of model 1; x: mean of model 2"
+    )
+    pitch_hold_time: float = parameter(30.0, "s", "pitch is held this long; section 1.5")
+
+
+@dataclass(frozen=True)
+class RlsFit:
+    """Pitch and inclination, rad, NaN before the first update; sds; what was learned from."""
+
+    pitch: Floats
+    inclination: Floats
+    pitch_sd: Floats
+    inclination_sd: Floats
+    inclination_squared: Floats
+    excitation: Floats
+    known: Bools
+    updated: Bools
+
+
+def fit_recursively(
+    motion: Longitudinal, params: RlsForgetParameters, rate: float, engine: Engine
+) -> RlsFit:
+    """Two recursions: model 1 gives [pitch, i^2], model 2 gives [pitch^2, i] (2.0)."""
+    y1, y2, u = motion.f_z - G, motion.f_x - motion.vdot, motion.vdot
+    known = np.isfinite(y1) & np.isfinite(y2) & np.isfinite(u)
+    excitation = moving_std(u, round(params.excitation_time * rate))
+    updated = known & (excitation >= (params.excitation_min or 0.0))
+    forgetting = params.forgetting ** (PAPER_RATE / rate)
+    trace_max = math.inf if params.trace_max is None else params.trace_max
+    p0 = min(params.initial_variance, trace_max)  # a larger P0 would be harmful, section 2.2
+    constant = np.full(len(u), G)
+    vertical = rls(Regression(-u, -constant / 2, y1, updated), forgetting, p0, trace_max, engine)
+    learned = np.cumsum(updated) > 0
+    error = np.where(np.isfinite(vertical.error), vertical.error**2, 0.0)
+    noise = np.sqrt(np.maximum(_forgetting_mean(error, updated, forgetting), 0.0))
+    # the recursion takes its samples for independent; the smoothed ones are not
+    pitch_sd = noise * np.sqrt(np.maximum(vertical.p11, 0.0) * motion.correlation)
+    pitch = np.where(learned, vertical.x[:, 0], np.nan)
+    squared = np.where(learned, vertical.x[:, 1], np.nan)
+    if params.inclination_source == "paper":
+        along = rls(Regression(-u / 2, constant, y2, updated), forgetting, p0, trace_max, engine)
+        inclination = np.sign(along.x[:, 1]) * np.sqrt(np.maximum(squared, 0.0))
+        inclination = np.where(learned & known, inclination, np.nan)
+        # i = root of i^2, and i^2 is 2/g times the intercept
+        inclination_sd = noise / (G * np.maximum(np.abs(inclination), 1e-3))
+    else:
+        n = round(params.average_time * rate)
+        inclination = np.where(known, moving_mean(motion.inclination, n), np.nan)
+        inclination_sd = motion.inclination_sd * min(1.0, math.sqrt(motion.correlation / n))
+    return RlsFit(pitch, inclination, pitch_sd, inclination_sd, squared, excitation, known, updated)
+
+
+def _forgetting_mean(values: Floats, counted: Bools, forgetting: float) -> Floats:
+    """Exponentially forgetting mean of the counted values; weights as in the recursion."""
+    from scipy.signal import lfilter
+
+    # forget only where something is learned: the recursion skips the other samples altogether
+    result = np.zeros(len(values))
+    kept = values[counted]
+    if len(kept):
+        weight = lfilter([1.0], [1.0, -forgetting], np.ones(len(kept)))
+        mean = lfilter([1.0], [1.0, -forgetting], kept) / weight
+        last = np.cumsum(counted) - 1
+        result = np.where(last >= 0, mean[np.maximum(last, 0)], 0.0)
+    return result
+
+
+def rls_forget(
+    drive: Drive, vehicle: Vehicle, params: RlsForgetParameters, engine: Engine
+) -> Estimate:
+    """Recursive least squares on f_z and f_x over dv/dt; memory 0.33 s with the paper's lambda.
+
+    Biased as `ls_window` by a body that pitches with dv/dt: p + k g i (erratum 2).
+    """
+    del vehicle  # no parameter of the car
+    params = with_preset(params, PRESETS, params.preset)
+    motion = longitudinal(drive, params)
+    fit = fit_recursively(motion, params, drive.rate, engine)
+    since = age(fit.updated) * drive.dt
+    pitch = np.where(since <= params.pitch_hold_time, fit.pitch, np.nan)
+    inclination, held = hold(fit.inclination, round(params.hold_time * drive.rate))
+    inclination_sd, _ = hold(
+        np.where(fit.known, fit.inclination_sd, np.nan), round(params.hold_time * drive.rate)
+    )
+    converging = np.cumsum(fit.updated) * drive.dt < params.excitation_time
+    flags = (
+        straight_flags(drive, fit.known)
+        | flag(held | (np.isfinite(pitch) & ~fit.updated), "held")
+        | flag(fit.known & ~fit.updated, "excitation")
+        | flag(converging, "converging")
+    )
+    angles = {"grade": inclination - pitch, "pitch": pitch, "inclination": inclination}
+    sd = {
+        "grade": np.hypot(inclination_sd, fit.pitch_sd),
+        "pitch": fit.pitch_sd,
+        "inclination": inclination_sd,
+    }
+    columns = {"excitation": fit.excitation, "inclination_squared": fit.inclination_squared}
+    details = {"fit": Detail("roadlog.v1.PitchRegression", drive.time, columns)}
+    valid = fit.updated & ~converging & np.isfinite(angles["grade"])
+    return Estimate(drive.time, angles, sd, valid, flags, details)
+
+
+RLS_FORGET = Estimator(
+    name="rls_forget",
+    run=rls_forget,
+    parameters=RlsForgetParameters,
+    needs=("imu.accel_x", "imu.accel_z", ANY_SPEED),
+    gives=("grade", "pitch", "inclination"),
+    reference="Massel 2004, eqs. (16)-(18)",
+    summary="pitch and grade by recursive least squares; needs changing dv/dt and a smooth road",
+)
