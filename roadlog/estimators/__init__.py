@@ -17,6 +17,7 @@ from roadlog.vehicle import Vehicle
 
 # estimator -> the module and the attribute that define it; modules are imported when asked for
 TABLE: dict[str, str] = {
+    "fusion": "roadlog.estimators.fusion:FUSION",
     "kmbe": "roadlog.estimators.kmbe:KMBE",
     "lowpass_attitude": "roadlog.estimators.lowpass_attitude:LOWPASS_ATTITUDE",
 }
