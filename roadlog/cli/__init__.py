@@ -43,11 +43,19 @@ def _global(
 
 def _register() -> None:
     # command modules import what they compute with inside their functions: `--help` stays fast
+    from roadlog.cli.demo import demo
     from roadlog.cli.estimate import estimate
     from roadlog.cli.estimators import estimators
     from roadlog.cli.evaluate import evaluate
+    from roadlog.cli.info import info
+    from roadlog.cli.ingest import ingest
+    from roadlog.cli.profiles import profiles
+    from roadlog.cli.simulate import scenarios, simulate
+    from roadlog.cli.view import view
 
-    for command in (estimate, evaluate, estimators):
+    using = (ingest, info, estimate, evaluate, view)
+    making = (simulate, scenarios, estimators, profiles, demo)
+    for command in (*using, *making):
         app.command()(command)
 
 

@@ -96,11 +96,13 @@ class LogReader:
         times: dict[str, list[int]] = {topic: [] for topic in wanted}
         rows: dict[str, list[dict[str, Any]]] = {topic: [] for topic in wanted}
         decoders: dict[int, Callable[[bytes], Any]] = {}
+        foreign: dict[str, int] = {}
         try:
             for schema, channel, message in self._reader.iter_messages(
                 topics=wanted, start_time=start_ns, end_time=end_ns
             ):
                 if channel.message_encoding != "protobuf" or schema is None:
+                    foreign[channel.topic] = foreign.get(channel.topic, 0) + 1
                     continue
                 decode = decoders.setdefault(channel.id, _decoder(schema.name, schema.data))
                 stamp = message.publish_time if clock == "publish" else message.log_time
@@ -108,6 +110,9 @@ class LogReader:
                 rows[channel.topic].append(dict(_flatten(decode(message.data))))
         except (McapError, OSError, ValueError) as error:
             raise LogReadError(f"{self.path}: cannot be read: {error}") from error
+        for topic, count in foreign.items():
+            loss = f"{topic}: {count} messages are not protobuf and were not read"
+            self.losses += [loss] if loss not in self.losses else []
         result = {}
         for topic in wanted:
             names = list(dict.fromkeys(name for row in rows[topic] for name in row))
@@ -192,6 +197,14 @@ def update_log(
                 message.data,
                 message.publish_time,
                 message.sequence,
+            )
+        for attachment in old._reader.iter_attachments():
+            writer.add_attachment(
+                attachment.create_time,
+                attachment.log_time,
+                attachment.name,
+                attachment.media_type,
+                attachment.data,
             )
         for table in tables:
             _write_table(writer, table)
