@@ -51,14 +51,15 @@ from roadlog.estimators.fusion_model import (
 from roadlog.estimators.fusion_smoother import (
     BANK,
     GRADE,
+    INCLINATION,
     PITCH,
     ROLL_ANGLE,
+    ROLL_TOTAL,
     Smoothed,
     smooth,
 )
 from roadlog.filters import Engine
 from roadlog.types import Bools, Floats
-from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import Vehicle
 
 DEG = np.pi / 180
@@ -70,7 +71,15 @@ LINEAR_TIRES = 5.0  # m/s2 of lateral specific force, beyond which tires are not
 OFFSET_LIMIT = 0.15 * DEG  # sd of the mean of grade or bank, beyond which it is not observable
 FAST_GNSS = 5.0  # Hz; slower receivers are of the consumer kind, with a slower and larger error
 
-# constant -> (first state, unit); the fields of roadlog.v1.FusionConstants, each with its _sd
+OUTPUTS = {
+    "grade": GRADE,
+    "bank": BANK,
+    "pitch": PITCH,
+    "roll": ROLL_ANGLE,
+    "inclination": INCLINATION,
+    "roll_total": ROLL_TOTAL,
+}
+# constant -> state; the fields of roadlog.v1.FusionConstants, each with its _sd
 CONSTANTS = {
     "gyro_bias_x": BG,
     "gyro_bias_y": BG + 1,
@@ -161,7 +170,7 @@ def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Eng
         ),
         "constants": _constants(result, time),
     }
-    out, sd = complete_angles(out), _complete_sd(result, steps, sd, drive.time, time, alive)
+    out = complete_angles(out)
     notes = [f"used: {', '.join(_used(steps, source))}", *_offset_notes(offset, steps)]
     return Estimate(drive.time, out, sd, alive & ~missing, flags, details, notes)
 
@@ -232,7 +241,7 @@ def _noise(steps: Steps, vehicle: Vehicle, params: FusionParameters, drive: Driv
 def _angles(
     result: Smoothed, steps: Steps, P0: Floats, params: FusionParameters
 ) -> tuple[dict[str, Floats], dict[str, Floats]]:
-    """The four angles and their variances on the smoother's steps (section 7, outputs).
+    """The road's and the body's angles and all variances on the smoother's steps (section 7).
 
     Mounting and load turn the body alike: data give their sum, the priors divide it.
     """
@@ -248,17 +257,10 @@ def _angles(
         "roll": roll,
     }
     static = share**2 * result.P_end[MTHETA, MTHETA] + share * mounting
-    columns = {"grade": GRADE, "bank": BANK, "pitch": PITCH, "roll": ROLL_ANGLE}
-    variance = {name: result.variance[:, column].copy() for name, column in columns.items()}
-    variance["pitch"] += static
+    variance = {name: result.variance[:, column] for name, column in OUTPUTS.items()}
+    for name in ("pitch", "inclination"):
+        variance[name] = variance[name] + static
     return angles, variance
-
-
-def _complete_sd(
-    result: Smoothed, steps: Steps, sd: dict[str, Floats], at: Floats, time: Floats, alive: Bools
-) -> dict[str, Floats]:
-    del result, steps, at, time, alive
-    return sd
 
 
 def _constants(result: Smoothed, time: Floats) -> Detail:

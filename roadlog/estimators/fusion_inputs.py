@@ -104,8 +104,8 @@ def build(
         for column, (force, mode, in_plane) in enumerate(drives):
             sway[run, column] = in_plane * second_order(force, *mode, RATE)
     fixes, fixes_sd = _fixes(drive, time, source.name == "gnss")
-    start = np.full(n, -1)
-    starts = []
+    start = np.full(n, -1, np.int64)
+    starts: list[Floats] = []
     for run in runs(alive):
         start[run.start] = len(starts)
         starts.append(_start(run, mean, point, shown, fixes, dt))
@@ -162,7 +162,7 @@ def _imu(drive: Drive, time: Floats) -> tuple[Floats, Floats, Bools]:
     samples = drive.native["imu"]
     columns = [samples.columns[f"{kind}_{axis}"] for kind in ("accel", "gyro") for axis in "xyz"]
     values = np.stack(columns, axis=1)
-    known = np.isfinite(values).all(axis=1)
+    known: Bools = np.all(np.isfinite(values), axis=1)
     known[1:] &= np.diff(samples.time) > 0
     own, values = samples.time[known], values[known]
     n = len(time)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
@@ -61,7 +62,7 @@ class Steps(NamedTuple):
     fixes: Floats
     fixes_sd: Floats
     alive: Bools
-    start: Floats
+    start: NDArray[np.int64]
     starts: Floats
     antenna: Floats
     height: float

@@ -43,14 +43,14 @@ from roadlog.filters.kalman import solve_spd
 from roadlog.types import Floats
 
 PIECE = 128  # steps between two checkpoints; covariances of one piece (0.7 MB) stay in the cache
-GRADE, BANK, PITCH, ROLL_ANGLE = range(4)
+GRADE, BANK, PITCH, ROLL_ANGLE, INCLINATION, ROLL_TOTAL = range(6)  # outputs
 OFFSETS = np.array([BA, BA + 1, MPHI, MTHETA])  # what shifts a whole grade or bank profile
 
 
 @dataclass(frozen=True)
 class Smoothed:
-    """x (n, 26): smoothed states, NaN where the IMU is missing. variance (n, 4): rad2, of grade,
-    bank, pitch and roll. shape_variance (n, 2): of grade and bank if the OFFSETS were known. x_end,
+    """x (n, 26): smoothed states, NaN where the IMU is missing. variance (n, 6): rad2, of the
+    outputs. shape_variance (n, 2): of grade and bank if the OFFSETS were known. x_end,
     P_end: states and covariance after the last step; for the constants, of the whole drive.
     """
 
@@ -69,16 +69,15 @@ def smooth(
     passes: every pass after the first one linearises at the result of the one before (iterated
     smoother).
     """
-    run = _smooth_compiled if engine == "compiled" else _smooth_reference
+    if engine == "reference":
+        from roadlog.estimators.fusion_reference import rauch_tung_striebel as run
+    else:
+        run = _bryson_frazier
     at = np.empty((0, N))  # empty: linearise at the filter's own states
     for _ in range(passes):
-        result = run(steps, noise, P0, at)
+        result = Smoothed(*run(steps, noise, P0, at))
         at = result.x
     return result
-
-
-def _smooth_compiled(steps: Steps, noise: Noise, P0: Floats, at: Floats) -> Smoothed:
-    return Smoothed(*_bryson_frazier(steps, noise, P0, at))
 
 
 @njit(cache=True)
@@ -210,14 +209,14 @@ def _pull_back(L: Floats, F: Floats, scratch: Floats) -> None:
 class Piece(NamedTuple):
     """What the filter did in a run of steps, for the way back.
 
-    x (m, 26), P (m, 26, 26): after the rows of a step. F (m, 26, 26): into the step. count (m,):
-    rows used; h, gain (m, ROWS, 26), residual, spread (m, ROWS): of each row, in their order.
+    x (m, 26), P (m, 26, 26): after the rows of a step. F (m, 26, 26): into the step. used (m,):
+    number of rows; h, gain (m, ROWS, 26), residual, spread (m, ROWS): of each row, in their order.
     """
 
     x: Floats
     P: Floats
     F: Floats
-    count: NDArray[np.int64]
+    used: NDArray[np.int64]
     h: Floats
     gain: Floats
     residual: Floats
@@ -241,7 +240,7 @@ def _forward(
     scratch = np.empty((len(COUPLED), N))
     for k in range(first, last):
         m = k - first
-        piece.count[m] = 0
+        piece.used[m] = 0
         if not steps.alive[k]:
             continue
         if steps.start[k] >= 0:
@@ -261,7 +260,7 @@ def _forward(
             for i in range(N):
                 spread += h[i] * Ph[i]
             total = spread + soft_variance(residual, spread, sd, gate)
-            c = piece.count[m]
+            c = piece.used[m]
             for i in range(N):
                 gain = Ph[i] / total
                 x[i] += gain * residual
@@ -269,7 +268,7 @@ def _forward(
                 for j in range(N):
                     P[i, j] -= gain * Ph[j]
             piece.residual[m, c], piece.spread[m, c] = residual, total
-            piece.count[m] += 1
+            piece.used[m] += 1
         piece.x[m] = x
         piece.P[m] = P
     return x
@@ -303,7 +302,7 @@ def _bryson_frazier(
         x = _forward(c * PIECE, min(n, (c + 1) * PIECE), x, P, steps, noise, P0, at, piece)
     x_end, P_end = x.copy(), P.copy()
     xs = np.full((n, N), np.nan)
-    variance, shape_variance = np.full((n, 4), np.nan), np.full((n, 2), np.nan)
+    variance, shape_variance = np.full((n, 6), np.nan), np.full((n, 2), np.nan)
     adjoint, L = np.zeros(N), np.zeros((N, N))
     scratch = np.empty((len(COUPLED), N))
     for c in range(pieces - 1, -1, -1):
@@ -318,7 +317,7 @@ def _bryson_frazier(
                 for j in range(N):
                     xs[k, i] -= piece.P[m, i, j] * adjoint[j]
             _variances(piece.P[m], L, steps.sway[k], variance[k], shape_variance[k])
-            for i in range(piece.count[m] - 1, -1, -1):
+            for i in range(piece.used[m] - 1, -1, -1):
                 _row_back(
                     adjoint,
                     L,
@@ -376,16 +375,16 @@ def _row_back(
 
 @njit(cache=True)
 def output_rows(s: Floats) -> Floats:
-    """(8, 26): grade, bank, pitch and roll as functions of the states, then the OFFSETS."""
-    rows = np.zeros((8, N))
+    """(10, 26): the outputs as functions of the states, then the OFFSETS."""
+    rows = np.zeros((10, N))
     rows[PITCH, KTHETA], rows[PITCH, EP] = s[0], 1.0
     rows[ROLL_ANGLE, KPHI], rows[ROLL_ANGLE, ER] = s[1], 1.0
-    rows[GRADE] = -rows[PITCH]
-    rows[BANK] = -rows[ROLL_ANGLE]
-    rows[GRADE, THETA], rows[GRADE, MTHETA] = 1.0, -1.0
-    rows[BANK, PHI], rows[BANK, MPHI] = 1.0, -1.0
+    rows[INCLINATION, THETA], rows[INCLINATION, MTHETA] = 1.0, -1.0
+    rows[ROLL_TOTAL, PHI], rows[ROLL_TOTAL, MPHI] = 1.0, -1.0
+    rows[GRADE] = rows[INCLINATION] - rows[PITCH]
+    rows[BANK] = rows[ROLL_TOTAL] - rows[ROLL_ANGLE]
     for i in range(4):
-        rows[4 + i, OFFSETS[i]] = 1.0
+        rows[6 + i, OFFSETS[i]] = 1.0
     return rows
 
 
@@ -413,59 +412,12 @@ def _variances(P: Floats, L: Floats, s: Floats, variance: Floats, shape: Floats)
 
 @njit(cache=True)
 def given_variances(M: Floats, variance: Floats, shape: Floats) -> None:
-    """Diagonal of M (8, 8), and that of its first two given the last four (Schur complement)."""
-    given = solve_spd(M[4:, 4:].copy(), M[4:, :2].copy())
-    for a in range(4):
+    """Diagonal of M (10, 10), and that of its first two given the last four (Schur complement)."""
+    given = solve_spd(M[6:, 6:].copy(), M[6:, :2].copy())
+    for a in range(6):
         variance[a] = max(M[a, a], 0.0)
     for a in range(2):
         shape[a] = variance[a]
         for i in range(4):
-            shape[a] -= M[a, 4 + i] * given[i, a]
+            shape[a] -= M[a, 6 + i] * given[i, a]
         shape[a] = max(shape[a], 0.0)
-
-
-def _smooth_reference(steps: Steps, noise: Noise, P0: Floats, at: Floats) -> Smoothed:
-    """filterpy's filter, then the Rauch-Tung-Striebel recursion in plain NumPy."""
-    from filterpy.kalman import KalmanFilter
-
-    n = len(steps.speed)
-    kf = KalmanFilter(N, 1, dim_u=N)
-    kf.x, kf.P, kf.B = steps.starts[0].reshape(N, 1).copy(), P0.copy(), np.eye(N)
-    runs = np.flatnonzero(steps.alive)
-    xs, variance, shape = np.full((n, N), np.nan), np.full((n, 4), np.nan), np.full((n, 2), np.nan)
-    filtered, priors, transitions = [], [], []
-    for k in runs:
-        F, q = np.zeros((N, N)), np.zeros(N)
-        x = kf.x[:, 0].copy()
-        if steps.start[k] >= 0:
-            restart(x, kf.P, steps.starts[steps.start[k]], P0)
-            kf.x = x.reshape(N, 1)
-            F[np.diag_indices(N)] = ~np.isin(np.arange(N), MOVING)
-        else:
-            y = prediction(k - 1, x, steps, noise, at, F, q)
-            kf.predict(u=(y - F @ x).reshape(N, 1), F=F, Q=np.diag(q))
-        transitions.append(F)
-        priors.append((kf.x[:, 0].copy(), kf.P.copy()))
-        for kind in range(ROWS):
-            h = np.zeros(N)
-            x = kf.x[:, 0]
-            residual, sd, gate = residual_row(kind, k, x, steps, noise, at, h)
-            if np.isfinite(residual):
-                variance_of_row = soft_variance(residual, float(h @ kf.P @ h), sd, gate)
-                kf.update(residual + h @ x, R=variance_of_row, H=h.reshape(1, N))
-        filtered.append((kf.x[:, 0].copy(), kf.P.copy()))
-    x, P = filtered[-1]
-    for i in range(len(runs) - 1, -1, -1):
-        if i < len(runs) - 1:
-            (x_filtered, P_filtered), (x_prior, P_prior) = filtered[i], priors[i + 1]
-            scale = 1 / np.sqrt(np.diag(P_prior))
-            scaled = P_prior * scale[:, None] * scale
-            FP = transitions[i + 1] @ P_filtered
-            C = (scale[:, None] * np.linalg.solve(scaled, scale[:, None] * FP)).T
-            x = x_filtered + C @ (x - x_prior)
-            P = P_filtered + C @ (P - P_prior) @ C.T
-        k = runs[i]
-        xs[k] = x
-        rows = output_rows(steps.sway[k])
-        given_variances(rows @ P @ rows.T, variance[k], shape[k])
-    return Smoothed(xs, variance, shape, *filtered[-1])
