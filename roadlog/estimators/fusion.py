@@ -138,7 +138,7 @@ def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Eng
     steps, source = build(drive, vehicle, params.speed_sd, params.creep_speed_sd)
     mean, P0 = priors(vehicle, params, source)
     steps.starts[:] += mean
-    noise = _noise(steps, vehicle, params, drive)
+    noise = noise_of(steps, vehicle, params, drive)
     result = smooth(steps, noise, P0, 1, engine)
     if np.abs(result.x_end[[MTHETA, MPSI]]).max() > SMALL_MOUNTING:
         result = smooth(steps, noise, P0, MAX_PASSES, engine)
@@ -204,7 +204,7 @@ def priors(
     return mean, np.diag(sd**2)
 
 
-def _noise(steps: Steps, vehicle: Vehicle, params: FusionParameters, drive: Drive) -> Noise:
+def noise_of(steps: Steps, vehicle: Vehicle, params: FusionParameters, drive: Drive) -> Noise:
     rough = vibration(steps)
     fast = "gnss" in drive.native and np.median(np.diff(drive.native["gnss"].time)) < 1 / FAST_GNSS
     return Noise(
