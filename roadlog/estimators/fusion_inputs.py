@@ -53,6 +53,11 @@ ALTITUDE_INTERVAL = 1.0  # s, between altitudes used: their error is correlated 
 ACCURACY_FACTOR = 2.0  # receivers' errors are correlated over several samples
 VELOCITY_SD, CLIMB_SD, ALTITUDE_SD = 0.06, 0.12, 1.0  # m/s, m/s, m; where nothing is reported
 HEADING_SD, ROLL_SD = np.radians(0.3), np.radians(0.6)
+GNSS_DELAYS = np.arange(-30, 151) / 100  # s, tried for the receiver against the car's own speed
+DELAY_CORRELATION = (
+    5.0  # the sd of a delay grows by this: the residuals of speeds are no white noise
+)
+DELAY_GATE = 3.0  # sd, a smaller delay is not applied
 
 
 @dataclass(frozen=True)
@@ -103,7 +108,7 @@ def build(
         )
         for column, (force, mode, in_plane) in enumerate(drives):
             sway[run, column] = in_plane * second_order(force, *mode, RATE)
-    fixes, fixes_sd = _fixes(drive, time, source.name == "gnss")
+    fixes, fixes_sd = _fixes(drive, time, source)
     start = np.full(n, -1, np.int64)
     starts: list[Floats] = []
     for run in runs(alive):
@@ -290,7 +295,38 @@ def _standstill(speed: Floats, point: Floats, alive: Bools) -> Bools:
     return still
 
 
-def _fixes(drive: Drive, time: Floats, speed_is_used: bool) -> tuple[Floats, Floats]:
+def gnss_delay(drive: Drive, source: SpeedSource) -> float:
+    """s, by which the receiver lags behind the car's own speed; 0 where that cannot be told.
+
+    The delay that leaves the least squares of v_gnss(t) - (a + b v(t - delay)), with its standard
+    error from the curvature; section 8.2 asks the same of band-passed accelerations, which a
+    receiver at 1 Hz does not have.
+    """
+    gnss = drive.native.get("gnss", Samples(np.empty(0), {}))
+    if source.name == "gnss" or "speed" not in gnss.columns or len(source.time) < 2:
+        return 0.0
+    own, speed = _known(gnss.time, gnss.columns["speed"])
+    margin = max(abs(GNSS_DELAYS[0]), GNSS_DELAYS[-1])
+    inside = (own > source.time[0] + margin) & (own < source.time[-1] - margin)
+    own, speed = own[inside], speed[inside]
+    if len(own) < 10:
+        return 0.0
+    misfits = np.empty(len(GNSS_DELAYS))
+    for i, delay in enumerate(GNSS_DELAYS):
+        A = np.stack([np.ones(len(own)), np.interp(own - delay, source.time, source.value)], axis=1)
+        misfits[i] = np.sum((speed - A @ np.linalg.lstsq(A, speed, rcond=None)[0]) ** 2)
+    best = int(np.argmin(misfits))
+    if best in (0, len(misfits) - 1):
+        return 0.0
+    step = GNSS_DELAYS[1] - GNSS_DELAYS[0]
+    left, low, right = misfits[best - 1 : best + 2]
+    curvature = (left - 2 * low + right) / step**2
+    delay = float(GNSS_DELAYS[best] + 0.5 * step * (left - right) / (left - 2 * low + right))
+    sd = DELAY_CORRELATION * np.sqrt(2 * low / len(own) / curvature)
+    return delay if abs(delay) > DELAY_GATE * sd else 0.0
+
+
+def _fixes(drive: Drive, time: Floats, source: SpeedSource) -> tuple[Floats, Floats]:
     """The GNSS rows at the nearest steps and their sd, (n, 6); the barometer where no altitude."""
     n = len(time)
     fixes, sd = np.full((n, 6), np.nan), np.ones((n, 6))
@@ -305,8 +341,9 @@ def _fixes(drive: Drive, time: Floats, speed_is_used: bool) -> tuple[Floats, Flo
         return ACCURACY_FACTOR * np.where(reported > 0, reported, default)
 
     speed, course = column("speed"), column("course")
-    if speed_is_used:
-        speed = unknown
+    if source.name == "gnss":
+        speed = unknown  # it is the speed row already
+    at = gnss.time - gnss_delay(drive, source)
     moving = speed > MIN_COURSE_SPEED
     # an error of the course moves the car sideways by speed x error
     across = np.nan_to_num(speed) * np.nan_to_num(column("course_accuracy"))
@@ -319,8 +356,8 @@ def _fixes(drive: Drive, time: Floats, speed_is_used: bool) -> tuple[Floats, Flo
         ROLL: (column("roll"), accuracy("roll", ROLL_SD)),
     }
     for index, (values, spread) in entries.items():
-        _place(fixes, sd, index, gnss.time, values, spread)
-    altimeter = gnss.time, column("altitude")
+        _place(fixes, sd, index, at, values, spread)
+    altimeter = at, column("altitude")
     if np.isnan(altimeter[1]).all() and "barometer" in drive.native:
         barometer = drive.native["barometer"]
         altimeter = barometer.time, barometer.columns["altitude"]
