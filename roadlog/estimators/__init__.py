@@ -20,6 +20,7 @@ TABLE: dict[str, str] = {
     "debe": "roadlog.estimators.debe:DEBE",
     "gnss_ins": "roadlog.estimators.gnss_ins:GNSS_INS",
     "imu_roll": "roadlog.estimators.gnss_ins:IMU_ROLL",
+    "fusion": "roadlog.estimators.fusion:FUSION",
     "kmbe": "roadlog.estimators.kmbe:KMBE",
     "lowpass_attitude": "roadlog.estimators.lowpass_attitude:LOWPASS_ATTITUDE",
     "roll_bank_obs": "roadlog.estimators.roll_bank_obs:ROLL_BANK_OBS",

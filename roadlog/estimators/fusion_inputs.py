@@ -1,0 +1,405 @@
+"""What `fusion` takes from a drive: every channel at its own times, put on the smoother's steps.
+
+Source: fusion chapter, section 4 (inputs, grid), section 6 (which sample feeds which row) and
+section 7 (start, standstill).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from roadlog.drive import Drive, Samples, nan_mean, runs
+from roadlog.errors import EstimatorError
+from roadlog.estimators.fusion_model import (
+    ALTITUDE,
+    EAST,
+    HEADING,
+    NORTH,
+    PHI,
+    PSI,
+    ROLL,
+    THETA,
+    UP,
+    H,
+    N,
+    Steps,
+    U,
+)
+from roadlog.filters.kernels import odd_window, slope
+from roadlog.types import Bools, Floats
+from roadlog.units import STANDARD_GRAVITY as G
+from roadlog.vehicle import Vehicle
+
+RATE = 50.0  # Hz; 25 Hz gives the same (section 10.6)
+MAX_IMU_GAP = 0.2  # s, bridged by interpolation; longer ones begin a new run
+MIN_RUN = 1.0  # s, shorter runs of the IMU are not used
+START = 2.0  # s, over which the first tilt is averaged
+SUSPENSION_START = 20  # samples, mean of which the suspension filters begin with
+PITCH_MODE = (1.4, 0.37)  # Hz, damping ratio of body pitch
+ROLL_MODE = (1.65, 0.34)  # of body roll
+TIRE_MODE = (8.0, 0.7)  # of the rear slip
+REFERENCE_HEIGHT = 0.08  # m over the ground, of the reference point when the IMU position is known
+DASHBOARD_HEIGHT = 0.75  # m over the ground, of an IMU whose position is not known
+RATE_WINDOW = 0.11  # s, for the derivative of the gyro
+STILL_SPEED, STILL_TIME = 0.06, 0.3  # m/s, s to either side
+STILL_GYRO, STILL_ACCEL = 0.003, 0.03  # rad/s, m/s2, floor of the quiet peak-to-peak
+QUIET_PERCENTILE, QUIET_FACTOR = 30, 3
+SPEED_GAP = 1.0  # s, speed is interpolated across for the standstill mask
+CREEP = 1.0  # m/s, below this unsigned wheel sensors say little
+MIN_COURSE_SPEED = 1.0  # m/s, below this the course is noise
+ALTITUDE_INTERVAL = 1.0  # s, between altitudes used: their error is correlated over more than that
+ACCURACY_FACTOR = 2.0  # receivers' errors are correlated over several samples
+VELOCITY_SD, CLIMB_SD, ALTITUDE_SD = 0.06, 0.12, 1.0  # m/s, m/s, m; where nothing is reported
+HEADING_SD, ROLL_SD = np.radians(0.3), np.radians(0.6)
+GNSS_DELAYS = np.arange(-30, 151) / 100  # s, tried for the receiver against the car's own speed
+DELAY_CORRELATION = (
+    5.0  # the sd of a delay grows by this: the residuals of speeds are no white noise
+)
+DELAY_GATE = 3.0  # sd, a smaller delay is not applied
+
+
+@dataclass(frozen=True)
+class SpeedSource:
+    """The speed channel: name, samples, and how far left of the center line it is measured (m)."""
+
+    name: str
+    time: Floats
+    value: Floats
+    offset: float
+    offset_sd: float
+
+
+def grid(drive: Drive) -> Floats:
+    """s, times of the smoother's steps over the drive."""
+    return np.arange(int(np.floor(drive.time[-1] * RATE + 1e-6)) + 1) / RATE
+
+
+def build(
+    drive: Drive, vehicle: Vehicle, speed_sd: float, creep_sd: float
+) -> tuple[Steps, SpeedSource]:
+    """The smoother's inputs. Raises EstimatorError when no second of IMU and speed is there."""
+    time = grid(drive)
+    n = len(time)
+    dt = 1 / RATE
+    mean, point, alive = _imu(drive, time)
+    if not alive.any():
+        raise EstimatorError(
+            f"fusion cannot run: the IMU has no run of {MIN_RUN:g} s without a gap of more than "
+            f"{MAX_IMU_GAP:g} s"
+        )
+    arm, height = _to_reference(vehicle)
+    if arm.any():
+        lever = _lever(point[:, 3:], arm, alive, dt)
+        point[:, :3] += lever
+        mean[:, :3] += 0.5 * (lever + np.roll(lever, -1, axis=0))
+    source = _speed_source(drive, vehicle)
+    speed = _binned(source.time, source.value, n)
+    shown = _interpolated(source, time)
+    still = _standstill(shown, point, alive)
+    speed[still] = np.nan  # the standstill rows say it better
+    sway = np.zeros((n, 3))
+    for run in runs(alive):
+        drives = (
+            (point[run, 0], PITCH_MODE, 1 - G * vehicle.pitch_gain),
+            (point[run, 1], ROLL_MODE, 1 - G * vehicle.roll_gain),
+            (point[run, 1], TIRE_MODE, 1 - G * vehicle.roll_gain),
+        )
+        for column, (force, mode, in_plane) in enumerate(drives):
+            sway[run, column] = in_plane * second_order(force, *mode, RATE)
+    fixes, fixes_sd = _fixes(drive, time, source)
+    start = np.full(n, -1, np.int64)
+    starts: list[Floats] = []
+    for run in runs(alive):
+        start[run.start] = len(starts)
+        starts.append(_start(run, mean, point, shown, fixes, dt))
+    steps = Steps(
+        dt=dt,
+        force=mean[:, :3].copy(),
+        rate=mean[:, 3:].copy(),
+        force_at=point[:, :3].copy(),
+        rate_at=point[:, 3:].copy(),
+        sway=sway,
+        speed=speed,
+        speed_sd=np.where(np.abs(shown) < CREEP, creep_sd, speed_sd),
+        still=still,
+        fixes=fixes,
+        fixes_sd=fixes_sd,
+        alive=alive,
+        start=start,
+        starts=np.array(starts),
+        antenna=_antenna(vehicle),
+        height=height,
+    )
+    return steps, source
+
+
+def second_order(values: Floats, frequency: float, damping: float, rate: float) -> Floats:
+    """Unit-gain second-order low-pass (bilinear), begun at the mean of its first samples."""
+    from scipy.signal import bilinear, lfilter, lfilter_zi
+
+    w = 2 * np.pi * frequency
+    b, a = bilinear([w * w], [1, 2 * damping * w, w * w], rate)
+    first = values[:SUSPENSION_START].mean()
+    return lfilter(b, a, values, zi=lfilter_zi(b, a) * first)[0]
+
+
+def vibration(steps: Steps) -> float:
+    """m/s2/sqrt(Hz), how rough the road is: median PSD of f_z in 0.3-2 Hz (section 5, `vib`)."""
+    from scipy.signal import welch
+
+    levels, weights = [], []
+    for run in runs(steps.alive):
+        size = run.stop - run.start
+        frequency, psd = welch(
+            steps.force_at[run, 2], RATE, nperseg=min(size, round(10 * RATE)), detrend="linear"
+        )
+        band = (frequency >= 0.3) & (frequency <= 2.0)
+        if band.any():
+            levels.append(np.median(psd[band]))
+            weights.append(size)
+    return float(np.sqrt(np.average(levels, weights=weights) / 2)) if levels else 0.0
+
+
+def _imu(drive: Drive, time: Floats) -> tuple[Floats, Floats, Bools]:
+    """Mean over each step, value at each step, (n, 6) force and rate; and where they are known."""
+    samples = drive.native["imu"]
+    columns = [samples.columns[f"{kind}_{axis}"] for kind in ("accel", "gyro") for axis in "xyz"]
+    values = np.stack(columns, axis=1)
+    known: Bools = np.all(np.isfinite(values), axis=1)
+    known[1:] &= np.diff(samples.time) > 0
+    own, values = samples.time[known], values[known]
+    n = len(time)
+    mean, point, alive = np.zeros((n, 6)), np.zeros((n, 6)), np.zeros(n, np.bool_)
+    breaks = np.flatnonzero(np.diff(own) > MAX_IMU_GAP) + 1
+    for part in np.split(np.arange(len(own)), breaks):
+        if not len(part) or own[part[-1]] - own[part[0]] < MIN_RUN:
+            continue
+        inside = np.flatnonzero((time >= own[part[0]] - 1e-9) & (time <= own[part[-1]] + 1e-9))
+        integral = _integral(own[part], values[part], time[inside])
+        step = np.diff(integral, axis=0) * RATE
+        run = slice(inside[0], inside[-1] + 1)
+        mean[run] = np.concatenate([step, step[-1:]])
+        point[run] = np.concatenate([step[:1], 0.5 * (step[1:] + step[:-1]), step[-1:]])
+        alive[run] = True
+    return mean, point, alive
+
+
+def _integral(own: Floats, values: Floats, time: Floats) -> Floats:
+    """Integral of the piecewise linear signal from its first sample to each time."""
+    width = np.diff(own)[:, None]
+    total = np.concatenate(
+        [np.zeros((1, values.shape[1])), np.cumsum(width * 0.5 * (values[1:] + values[:-1]), 0)]
+    )
+    i = np.clip(np.searchsorted(own, time, side="right") - 1, 0, len(own) - 2)
+    since = (time - own[i])[:, None]
+    rise = (values[i + 1] - values[i]) / width[i]
+    return total[i] + values[i] * since + 0.5 * rise * since**2
+
+
+def _to_reference(vehicle: Vehicle) -> tuple[Floats, float]:
+    """m, from the IMU to the reference point, and that point's height over the ground."""
+    if vehicle.imu_position is None:
+        return np.zeros(3), DASHBOARD_HEIGHT
+    reference = np.array([0.0, 0.0, REFERENCE_HEIGHT - vehicle.cg_height])
+    return reference - np.array(vehicle.imu_position), REFERENCE_HEIGHT
+
+
+def _antenna(vehicle: Vehicle) -> Floats:
+    """m, from the reference point to the antenna; 0 where either place is not known."""
+    if vehicle.imu_position is None or vehicle.antenna_position is None:
+        return np.zeros(3)
+    return np.array(vehicle.antenna_position) - [0.0, 0.0, REFERENCE_HEIGHT - vehicle.cg_height]
+
+
+def _lever(rate: Floats, arm: Floats, alive: Bools, dt: float) -> Floats:
+    """m/s2, dw/dt x arm + w x (w x arm) (section 3)."""
+    angular = np.zeros_like(rate)
+    window = odd_window(RATE_WINDOW, dt)
+    for run in runs(alive):
+        for axis in range(3):
+            angular[run, axis] = slope(rate[run, axis], window, dt)
+    return np.cross(angular, arm) + np.cross(rate, np.cross(rate, arm))
+
+
+def _speed_source(drive: Drive, vehicle: Vehicle) -> SpeedSource:
+    """The best speed: undriven axle, all wheels, /speed, GNSS."""
+    best = drive.sources_of_speed()[0]
+    samples = drive.native[best]
+    if best != "wheel_speeds":
+        value = samples.columns["v" if best == "speed" else "speed"]
+        return SpeedSource(best, *_known(samples.time, value), 0.0, 0.02)
+    front = [name for name in ("fl", "fr") if name in samples.columns]
+    rear = [name for name in ("rl", "rr") if name in samples.columns]
+    if vehicle.driven == "rear" and front:
+        rear = []
+    elif vehicle.driven == "front" and rear:
+        front = []
+    rows = [samples.columns[name] for name in rear]
+    rows += [_at_rear_axle(samples, name, drive, vehicle) for name in front]
+    wheels = [*rear, *front]
+    sides = sum(1 if name.endswith("l") else -1 for name in wheels) / len(wheels)
+    offset = sides * vehicle.track / 2
+    offset_sd = 0.05 if sides else 0.02  # m; of one wheel the track is not that well known
+    time, value = _known(samples.time, nan_mean(np.stack(rows)))
+    return SpeedSource(f"wheel_speeds ({', '.join(wheels)})", time, value, offset, offset_sd)
+
+
+def _known(time: Floats, value: Floats) -> tuple[Floats, Floats]:
+    known = np.isfinite(value)
+    return time[known], value[known]
+
+
+def _at_rear_axle(samples: Samples, wheel: str, drive: Drive, vehicle: Vehicle) -> Floats:
+    """m/s, forward speed of a front wheel taken to the rear axle: u^2 = v^2 - (L r)^2."""
+    speed = samples.columns[wheel]
+    yaw_rate = np.interp(samples.time, drive.time, np.nan_to_num(drive.get("imu.gyro_z")))
+    across = np.minimum(np.abs(vehicle.wheelbase * yaw_rate), 0.5 * np.abs(speed))
+    return np.sign(speed) * np.sqrt(speed**2 - across**2)
+
+
+def _binned(own: Floats, values: Floats, n: int) -> Floats:
+    """Mean of the samples nearest to each step; NaN where there is none."""
+    index = np.round(own * RATE).astype(np.int64)
+    inside = (index >= 0) & (index < n)
+    count = np.bincount(index[inside], minlength=n)
+    total = np.bincount(index[inside], values[inside], minlength=n)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _interpolated(source: SpeedSource, time: Floats) -> Floats:
+    """m/s at each step, NaN in gaps of the speed."""
+    result = np.interp(time, source.time, source.value)
+    after = np.clip(np.searchsorted(source.time, time), 1, len(source.time) - 1)
+    gap = source.time[after] - source.time[after - 1]
+    outside = (time < source.time[0] - SPEED_GAP) | (time > source.time[-1] + SPEED_GAP)
+    result[(gap > SPEED_GAP) | outside] = np.nan
+    return result
+
+
+def _standstill(speed: Floats, point: Floats, alive: Bools) -> Bools:
+    """Where the car stands and nobody shakes it (section 7)."""
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    window = 2 * round(STILL_TIME * RATE) + 1
+    moving = ~(np.abs(speed) < STILL_SPEED) | ~alive
+    still = maximum_filter1d(moving.astype(np.int8), window) == 0
+    if not still.any():
+        return still
+    swing = maximum_filter1d(point, window, axis=0) - minimum_filter1d(point, window, axis=0)
+    for columns, floor in ((slice(0, 3), STILL_ACCEL), (slice(3, 6), STILL_GYRO)):
+        shake = swing[:, columns].max(axis=1)
+        usual = np.percentile(shake[still], QUIET_PERCENTILE)
+        still = still & (shake < QUIET_FACTOR * usual + floor)
+    return still
+
+
+def gnss_delay(drive: Drive, source: SpeedSource) -> float:
+    """s, by which the receiver lags behind the car's own speed; 0 where that cannot be told.
+
+    The delay that leaves the least squares of v_gnss(t) - (a + b v(t - delay)), with its standard
+    error from the curvature; section 8.2 asks the same of band-passed accelerations, which a
+    receiver at 1 Hz does not have.
+    """
+    gnss = drive.native.get("gnss", Samples(np.empty(0), {}))
+    if source.name == "gnss" or "speed" not in gnss.columns or len(source.time) < 2:
+        return 0.0
+    own, speed = _known(gnss.time, gnss.columns["speed"])
+    margin = max(abs(GNSS_DELAYS[0]), GNSS_DELAYS[-1])
+    inside = (own > source.time[0] + margin) & (own < source.time[-1] - margin)
+    own, speed = own[inside], speed[inside]
+    if len(own) < 10:
+        return 0.0
+    misfits = np.empty(len(GNSS_DELAYS))
+    for i, delay in enumerate(GNSS_DELAYS):
+        A = np.stack([np.ones(len(own)), np.interp(own - delay, source.time, source.value)], axis=1)
+        misfits[i] = np.sum((speed - A @ np.linalg.lstsq(A, speed, rcond=None)[0]) ** 2)
+    best = int(np.argmin(misfits))
+    if best in (0, len(misfits) - 1):
+        return 0.0
+    step = GNSS_DELAYS[1] - GNSS_DELAYS[0]
+    left, low, right = misfits[best - 1 : best + 2]
+    curvature = (left - 2 * low + right) / step**2
+    delay = float(GNSS_DELAYS[best] + 0.5 * step * (left - right) / (left - 2 * low + right))
+    sd = DELAY_CORRELATION * np.sqrt(2 * low / len(own) / curvature)
+    return delay if abs(delay) > DELAY_GATE * sd else 0.0
+
+
+def _fixes(drive: Drive, time: Floats, source: SpeedSource) -> tuple[Floats, Floats]:
+    """The GNSS rows at the nearest steps and their sd, (n, 6); the barometer where no altitude."""
+    n = len(time)
+    fixes, sd = np.full((n, 6), np.nan), np.ones((n, 6))
+    gnss = drive.native.get("gnss", Samples(np.empty(0), {}))
+    unknown = np.full(len(gnss.time), np.nan)
+
+    def column(name: str) -> Floats:
+        return gnss.columns.get(name, unknown)
+
+    def accuracy(name: str, default: float) -> Floats:
+        reported = column(f"{name}_accuracy")
+        return ACCURACY_FACTOR * np.where(reported > 0, reported, default)
+
+    speed, course = column("speed"), column("course")
+    if source.name == "gnss":
+        speed = unknown  # it is the speed row already
+    at = gnss.time - gnss_delay(drive, source)
+    moving = speed > MIN_COURSE_SPEED
+    # an error of the course moves the car sideways by speed x error
+    across = np.nan_to_num(speed) * np.nan_to_num(column("course_accuracy"))
+    horizontal = np.hypot(accuracy("speed", VELOCITY_SD), ACCURACY_FACTOR * across)
+    entries = {
+        EAST: (np.where(moving, speed * np.cos(course), np.nan), horizontal),
+        NORTH: (np.where(moving, speed * np.sin(course), np.nan), horizontal),
+        UP: (column("climb"), accuracy("climb", CLIMB_SD)),
+        HEADING: (column("heading"), accuracy("heading", HEADING_SD)),
+        ROLL: (column("roll"), accuracy("roll", ROLL_SD)),
+    }
+    for index, (values, spread) in entries.items():
+        _place(fixes, sd, index, at, values, spread)
+    altimeter = at, column("altitude")
+    if np.isnan(altimeter[1]).all() and "barometer" in drive.native:
+        barometer = drive.native["barometer"]
+        altimeter = barometer.time, barometer.columns["altitude"]
+    own, altitude = _known(*altimeter)
+    if len(own):
+        chosen = np.unique(np.floor(own / ALTITUDE_INTERVAL), return_index=True)[1]
+        own, altitude = own[chosen], altitude[chosen]
+        _place(fixes, sd, ALTITUDE, own, altitude, np.full(len(own), ALTITUDE_SD))
+        fixes[:, ALTITUDE] -= altitude[0]
+    return fixes, sd
+
+
+def _place(
+    fixes: Floats, sd: Floats, column: int, own: Floats, values: Floats, spread: Floats
+) -> None:
+    index = np.round(own * RATE).astype(np.int64)
+    use = np.isfinite(values) & (index >= 0) & (index < len(fixes))
+    fixes[index[use], column] = values[use]
+    sd[index[use], column] = spread[use]
+
+
+def _start(
+    run: slice, mean: Floats, point: Floats, speed: Floats, fixes: Floats, dt: float
+) -> Floats:
+    """The moving states at the beginning of a run of the IMU (section 7)."""
+    x = np.zeros(N)
+    head = slice(run.start, min(run.stop, run.start + round(START * RATE)))
+    known = np.flatnonzero(np.isfinite(speed[head]))
+    v = speed[head][known]
+    if len(known):
+        x[U] = v[0]
+    change = (v[-1] - v[0]) / ((known[-1] - known[0]) * dt) if len(known) > 1 else 0.0
+    turning = v.mean() * point[head, 5].mean() if len(known) else 0.0
+    x[THETA] = np.arcsin(np.clip((point[head, 0].mean() - change) / G, -0.7, 0.7))
+    x[PHI] = np.arcsin(np.clip((point[head, 1].mean() - turning) / G, -0.7, 0.7))
+    turned = np.cumsum(mean[run, 5]) * dt
+    there = np.flatnonzero(np.isfinite(fixes[run, EAST]))
+    if len(there):
+        first = there[0]
+        course = np.arctan2(fixes[run, NORTH][first], fixes[run, EAST][first])
+        x[PSI] = course - turned[first]
+    there = np.flatnonzero(np.isfinite(fixes[run, ALTITUDE]))
+    if len(there):
+        x[H] = fixes[run, ALTITUDE][there[0]]
+    return x

@@ -1,0 +1,65 @@
+"""Reference engine of `fusion`: filterpy's filter, Rauch-Tung-Striebel recursion in NumPy."""
+
+from __future__ import annotations
+
+import numpy as np
+from filterpy.kalman import KalmanFilter
+
+from roadlog.estimators.fusion_model import MOVING, ROWS, N, Noise, Steps
+from roadlog.estimators.fusion_smoother import (
+    given_variances,
+    output_rows,
+    prediction,
+    residual_row,
+    restart,
+    soft_variance,
+)
+from roadlog.types import Floats
+
+
+def rauch_tung_striebel(
+    steps: Steps, noise: Noise, P0: Floats, at: Floats
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """The fields of `Smoothed`; the arguments are those of the compiled engine."""
+
+    n = len(steps.speed)
+    kf = KalmanFilter(N, 1, dim_u=N)
+    kf.x, kf.P, kf.B = steps.starts[0].reshape(N, 1).copy(), P0.copy(), np.eye(N)
+    runs = np.flatnonzero(steps.alive)
+    xs, variance, shape = np.full((n, N), np.nan), np.full((n, 6), np.nan), np.full((n, 2), np.nan)
+    filtered, priors, transitions = [], [], []
+    for k in runs:
+        F, q = np.zeros((N, N)), np.zeros(N)
+        x = kf.x[:, 0].copy()
+        if steps.start[k] >= 0:
+            restart(x, kf.P, steps.starts[steps.start[k]], P0)
+            kf.x = x.reshape(N, 1)
+            F[np.diag_indices(N)] = ~np.isin(np.arange(N), MOVING)
+        else:
+            y = prediction(k - 1, x, steps, noise, at, F, q)
+            kf.predict(u=(y - F @ x).reshape(N, 1), F=F, Q=np.diag(q))
+        transitions.append(F)
+        priors.append((kf.x[:, 0].copy(), kf.P.copy()))
+        for kind in range(ROWS):
+            h = np.zeros(N)
+            x = kf.x[:, 0]
+            residual, sd, gate = residual_row(kind, k, x, steps, noise, at, h)
+            if np.isfinite(residual):
+                variance_of_row = soft_variance(residual, float(h @ kf.P @ h), sd, gate)
+                kf.update(residual + h @ x, R=variance_of_row, H=h.reshape(1, N))
+        filtered.append((kf.x[:, 0].copy(), kf.P.copy()))
+    x, P = filtered[-1]
+    for i in range(len(runs) - 1, -1, -1):
+        if i < len(runs) - 1:
+            (x_filtered, P_filtered), (x_prior, P_prior) = filtered[i], priors[i + 1]
+            scale = 1 / np.sqrt(np.diag(P_prior))
+            scaled = P_prior * scale[:, None] * scale
+            FP = transitions[i + 1] @ P_filtered
+            C = (scale[:, None] * np.linalg.solve(scaled, scale[:, None] * FP)).T
+            x = x_filtered + C @ (x - x_prior)
+            P = P_filtered + C @ (P - P_prior) @ C.T
+        k = runs[i]
+        xs[k] = x
+        rows = output_rows(steps.sway[k])
+        given_variances(rows @ P @ rows.T, variance[k], shape[k])
+    return xs, variance, shape, *filtered[-1]

@@ -1,0 +1,423 @@
+"""Forward Kalman pass and fixed-interval smoother for the model of `fusion`, on both engines.
+
+The compiled engine smooths by the modified Bryson-Frazier recursion (Bierman 1973, "Fixed interval
+smoothing with discrete measurements"): the same result as Rauch-Tung-Striebel, but the adjoint
+passes back through the scalar rows, so no covariance is inverted, and it needs the filter's
+covariances only piece by piece: they are computed again from checkpoints. The reference engine is
+filterpy's filter with the Rauch-Tung-Striebel recursion in NumPy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from roadlog.estimators.fusion_model import (
+    BA,
+    COUPLED,
+    EP,
+    ER,
+    HO,
+    KPHI,
+    KTHETA,
+    MOVING,
+    MPHI,
+    MTHETA,
+    PHI,
+    ROWS,
+    THETA,
+    N,
+    Noise,
+    Steps,
+    process_noise,
+    propagate,
+    row,
+    transition,
+)
+from roadlog.filters import Engine
+from roadlog.filters.kalman import solve_spd
+from roadlog.types import Floats
+
+PIECE = 128  # steps between two checkpoints; covariances of one piece (0.7 MB) stay in the cache
+GRADE, BANK, PITCH, ROLL_ANGLE, INCLINATION, ROLL_TOTAL = range(6)  # outputs
+OFFSETS = np.array([BA, BA + 1, MPHI, MTHETA])  # what shifts a whole grade or bank profile
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """x (n, 26): smoothed states, NaN where the IMU is missing. variance (n, 6): rad2, of the
+    outputs. shape_variance (n, 2): of grade and bank if the OFFSETS were known. x_end,
+    P_end: states and covariance after the last step; for the constants, of the whole drive.
+    """
+
+    x: Floats
+    variance: Floats
+    shape_variance: Floats
+    x_end: Floats
+    P_end: Floats
+
+
+def smooth(
+    steps: Steps, noise: Noise, P0: Floats, passes: int = 1, engine: Engine = "compiled"
+) -> Smoothed:
+    """All states from all measurements. P0 (26, 26): before the first step.
+
+    passes: every pass after the first one linearises at the result of the one before (iterated
+    smoother).
+    """
+    if engine == "reference":
+        from roadlog.estimators.fusion_reference import rauch_tung_striebel as run
+    else:
+        run = _bryson_frazier
+    at = np.empty((0, N))  # empty: linearise at the filter's own states
+    for _ in range(passes):
+        result = Smoothed(*run(steps, noise, P0, at))
+        at = result.x
+    return result
+
+
+@njit(cache=True)
+def restart(x: Floats, P: Floats, x_start: Floats, P0: Floats) -> None:
+    """Begin again after a gap of the IMU, in place: the constants carry over, all else does not."""
+    for i in MOVING:
+        x[i] = x_start[i]
+        for j in range(N):
+            P[i, j] = P[j, i] = 0.0
+    for i in MOVING:
+        for j in MOVING:
+            P[i, j] = P0[i, j]
+
+
+@njit(cache=True)
+def prediction(
+    k: int, x: Floats, steps: Steps, noise: Noise, at: Floats, F: Floats, q: Floats
+) -> Floats:
+    """States predicted for k + 1 from those of k; F and the diagonal of Q go into F and q."""
+    point = x if len(at) == 0 else at[k]
+    transition(point, steps.rate[k], steps.dt, noise, F)
+    process_noise(point, steps.force[k], steps.rate[k], steps.sway[k], steps.dt, noise, q)
+    y = propagate(point, steps.force[k], steps.rate[k], steps.dt, noise)
+    if len(at):
+        y += _times(F, x - point)
+    return y
+
+
+@njit(cache=True)
+def residual_row(
+    kind: int, k: int, x: Floats, steps: Steps, noise: Noise, at: Floats, h: Floats
+) -> tuple[float, float, float]:
+    """`row` at the filter's states, or linearised at those of the pass before."""
+    if len(at) == 0:
+        return row(kind, k, x, steps, noise, h)
+    residual, sd, gate = row(kind, k, at[k], steps, noise, h)
+    if np.isfinite(residual):
+        for i in range(N):
+            residual -= h[i] * (x[i] - at[k, i])
+    return residual, sd, gate
+
+
+@njit(cache=True)
+def soft_variance(residual: float, spread: float, sd: float, gate: float) -> float:
+    """Measurement variance that grows with an outlier (section 6, robust).
+
+    spread: variance h P h' of the prediction. A hard gate would lock out after gaps.
+    """
+    variance = sd * sd
+    excess = abs(residual) / (gate * np.sqrt(spread + variance)) if gate > 0 else 0.0
+    if excess <= 1.0:
+        return variance
+    return variance * excess**2 + spread * (excess - 1.0)
+
+
+@njit(cache=True)
+def _times(F: Floats, x: Floats) -> Floats:
+    """F x, where F is the identity but for COUPLED rows and three decays."""
+    y = x.copy()
+    for i in (EP, ER, HO):
+        y[i] *= F[i, i]
+    for i in COUPLED:
+        y[i] = 0.0
+        for j in range(N):
+            y[i] += F[i, j] * x[j]
+    return y
+
+
+@njit(cache=True)
+def _predict_covariance(P: Floats, F: Floats, q: Floats, scratch: Floats) -> None:
+    """P <- F P F' + diag(q), in place; only COUPLED and decaying rows need work."""
+    for side in range(2):
+        for c in range(len(COUPLED)):
+            i = COUPLED[c]
+            for j in range(N):
+                scratch[c, j] = 0.0
+            for m in range(N):
+                a = F[i, m]
+                if a != 0.0:
+                    for j in range(N):
+                        scratch[c, j] += a * P[m, j]
+        for c in range(len(COUPLED)):
+            i = COUPLED[c]
+            for j in range(N):
+                P[i, j] = scratch[c, j]
+        for i in (EP, ER, HO):
+            for j in range(N):
+                P[i, j] *= F[i, i]
+        if side == 0:  # the second side works on the transpose
+            for i in range(N):
+                for j in range(i):
+                    P[i, j], P[j, i] = P[j, i], P[i, j]
+    for i in range(N):
+        for j in range(i):
+            P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
+        P[i, i] += q[i]
+
+
+@njit(cache=True)
+def _pull_back(L: Floats, F: Floats, scratch: Floats) -> None:
+    """L <- F' L F, in place."""
+    for side in range(2):
+        for c in range(len(COUPLED)):
+            for j in range(N):
+                scratch[c, j] = L[COUPLED[c], j]
+        for c in range(len(COUPLED)):
+            i = COUPLED[c]
+            for j in range(N):
+                L[i, j] -= scratch[c, j]
+        for i in (EP, ER, HO):
+            for j in range(N):
+                L[i, j] *= F[i, i]
+        for c in range(len(COUPLED)):
+            i = COUPLED[c]
+            for m in range(N):
+                a = F[i, m]
+                if a != 0.0:
+                    for j in range(N):
+                        L[m, j] += a * scratch[c, j]
+        if side == 0:
+            for i in range(N):
+                for j in range(i):
+                    L[i, j], L[j, i] = L[j, i], L[i, j]
+    for i in range(N):
+        for j in range(i):
+            L[i, j] = L[j, i] = 0.5 * (L[i, j] + L[j, i])
+
+
+class Piece(NamedTuple):
+    """What the filter did in a run of steps, for the way back.
+
+    x (m, 26), P (m, 26, 26): after the rows of a step. F (m, 26, 26): into the step. used (m,):
+    number of rows; h, gain (m, ROWS, 26), residual, spread (m, ROWS): of each row, in their order.
+    """
+
+    x: Floats
+    P: Floats
+    F: Floats
+    used: NDArray[np.int64]
+    h: Floats
+    gain: Floats
+    residual: Floats
+    spread: Floats
+
+
+@njit(cache=True)
+def _forward(
+    first: int,
+    last: int,
+    x: Floats,
+    P: Floats,
+    steps: Steps,
+    noise: Noise,
+    P0: Floats,
+    at: Floats,
+    piece: Piece,
+) -> Floats:
+    """Filter steps first .. last - 1 from (x, P) after the step before; P in place, x returned."""
+    h, q, Ph = np.empty(N), np.empty(N), np.empty(N)
+    scratch = np.empty((len(COUPLED), N))
+    for k in range(first, last):
+        m = k - first
+        piece.used[m] = 0
+        if not steps.alive[k]:
+            continue
+        if steps.start[k] >= 0:
+            restart(x, P, steps.starts[steps.start[k]], P0)
+        else:
+            x = prediction(k - 1, x, steps, noise, at, piece.F[m], q)
+            _predict_covariance(P, piece.F[m], q, scratch)
+        for kind in range(ROWS):
+            residual, sd, gate = residual_row(kind, k, x, steps, noise, at, h)
+            if not np.isfinite(residual):
+                continue
+            spread = 0.0
+            for i in range(N):
+                Ph[i] = 0.0
+                for j in range(N):
+                    Ph[i] += P[i, j] * h[j]
+            for i in range(N):
+                spread += h[i] * Ph[i]
+            total = spread + soft_variance(residual, spread, sd, gate)
+            c = piece.used[m]
+            for i in range(N):
+                gain = Ph[i] / total
+                x[i] += gain * residual
+                piece.h[m, c, i], piece.gain[m, c, i] = h[i], gain
+                for j in range(N):
+                    P[i, j] -= gain * Ph[j]
+            piece.residual[m, c], piece.spread[m, c] = residual, total
+            piece.used[m] += 1
+        piece.x[m] = x
+        piece.P[m] = P
+    return x
+
+
+@njit(cache=True)
+def _bryson_frazier(
+    steps: Steps, noise: Noise, P0: Floats, at: Floats
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Forward over all steps, then back piece by piece with the adjoint (l, L) (Bierman 1973).
+
+    Smoothed x = x+ - P+ l and P = P+ - P+ L P+, with l = L = 0 after the last step.
+    """
+    n = len(steps.speed)
+    pieces = (n + PIECE - 1) // PIECE
+    piece = Piece(
+        np.empty((PIECE, N)),
+        np.empty((PIECE, N, N)),
+        np.empty((PIECE, N, N)),
+        np.zeros(PIECE, np.int64),
+        np.empty((PIECE, ROWS, N)),
+        np.empty((PIECE, ROWS, N)),
+        np.empty((PIECE, ROWS)),
+        np.empty((PIECE, ROWS)),
+    )
+    x_at, P_at = np.empty((pieces, N)), np.empty((pieces, N, N))
+    x, P = steps.starts[0].copy(), P0.copy()
+    for c in range(pieces):
+        x_at[c] = x
+        P_at[c] = P
+        x = _forward(c * PIECE, min(n, (c + 1) * PIECE), x, P, steps, noise, P0, at, piece)
+    x_end, P_end = x.copy(), P.copy()
+    xs = np.full((n, N), np.nan)
+    variance, shape_variance = np.full((n, 6), np.nan), np.full((n, 2), np.nan)
+    adjoint, L = np.zeros(N), np.zeros((N, N))
+    scratch = np.empty((len(COUPLED), N))
+    for c in range(pieces - 1, -1, -1):
+        first, last = c * PIECE, min(n, (c + 1) * PIECE)
+        _forward(first, last, x_at[c].copy(), P_at[c].copy(), steps, noise, P0, at, piece)
+        for k in range(last - 1, first - 1, -1):
+            if not steps.alive[k]:
+                continue
+            m = k - first
+            for i in range(N):
+                xs[k, i] = piece.x[m, i]
+                for j in range(N):
+                    xs[k, i] -= piece.P[m, i, j] * adjoint[j]
+            _variances(piece.P[m], L, steps.sway[k], variance[k], shape_variance[k])
+            for i in range(piece.used[m] - 1, -1, -1):
+                _row_back(
+                    adjoint,
+                    L,
+                    piece.h[m, i],
+                    piece.gain[m, i],
+                    piece.residual[m, i],
+                    piece.spread[m, i],
+                )
+            if steps.start[k] >= 0:
+                for i in MOVING:
+                    adjoint[i] = 0.0
+                    for j in range(N):
+                        L[i, j] = L[j, i] = 0.0
+            else:
+                adjoint = _times_transposed(piece.F[m], adjoint)
+                _pull_back(L, piece.F[m], scratch)
+    return xs, variance, shape_variance, x_end, P_end
+
+
+@njit(cache=True)
+def _times_transposed(F: Floats, y: Floats) -> Floats:
+    """F' y."""
+    z = y.copy()
+    for i in (EP, ER, HO):
+        z[i] *= F[i, i]
+    for i in COUPLED:
+        z[i] -= y[i]
+        for j in range(N):
+            z[j] += F[i, j] * y[i]
+    return z
+
+
+@njit(cache=True)
+def _row_back(
+    adjoint: Floats, L: Floats, h: Floats, gain: Floats, residual: float, total: float
+) -> None:
+    """The adjoint before a row from that after it: l <- C'l - h nu/S, L <- C'LC + hh'/S, in place.
+
+    C = I - K h', S = total innovation variance.
+    """
+    a = np.zeros(N)
+    along, both = residual / total, 1.0 / total
+    for i in range(N):
+        along += gain[i] * adjoint[i]
+        for j in range(N):
+            a[i] += L[i, j] * gain[j]
+        both += gain[i] * a[i]
+    for i in range(N):
+        adjoint[i] -= h[i] * along
+        b = a[i] - both * h[i]
+        if h[i] != 0.0 or b != 0.0:
+            for j in range(N):
+                L[i, j] -= b * h[j] + h[i] * a[j]
+
+
+@njit(cache=True)
+def output_rows(s: Floats) -> Floats:
+    """(10, 26): the outputs as functions of the states, then the OFFSETS."""
+    rows = np.zeros((10, N))
+    rows[PITCH, KTHETA], rows[PITCH, EP] = s[0], 1.0
+    rows[ROLL_ANGLE, KPHI], rows[ROLL_ANGLE, ER] = s[1], 1.0
+    rows[INCLINATION, THETA], rows[INCLINATION, MTHETA] = 1.0, -1.0
+    rows[ROLL_TOTAL, PHI], rows[ROLL_TOTAL, MPHI] = 1.0, -1.0
+    rows[GRADE] = rows[INCLINATION] - rows[PITCH]
+    rows[BANK] = rows[ROLL_TOTAL] - rows[ROLL_ANGLE]
+    for i in range(4):
+        rows[6 + i, OFFSETS[i]] = 1.0
+    return rows
+
+
+@njit(cache=True)
+def _variances(P: Floats, L: Floats, s: Floats, variance: Floats, shape: Floats) -> None:
+    """Variances of the outputs under P - P L P, and of grade and bank given the OFFSETS."""
+    rows = output_rows(s)
+    m = len(rows)
+    B, LB = np.zeros((m, N)), np.zeros((m, N))
+    for a in range(m):
+        for i in range(N):
+            if rows[a, i] != 0.0:
+                for j in range(N):
+                    B[a, j] += rows[a, i] * P[i, j]
+        for i in range(N):
+            for j in range(N):
+                LB[a, i] += L[i, j] * B[a, j]
+    M = np.zeros((m, m))
+    for a in range(m):
+        for b in range(m):
+            for i in range(N):
+                M[a, b] += rows[a, i] * B[b, i] - B[a, i] * LB[b, i]
+    given_variances(M, variance, shape)
+
+
+@njit(cache=True)
+def given_variances(M: Floats, variance: Floats, shape: Floats) -> None:
+    """Diagonal of M (10, 10), and that of its first two given the last four (Schur complement)."""
+    given = solve_spd(M[6:, 6:].copy(), M[6:, :2].copy())
+    for a in range(6):
+        variance[a] = max(M[a, a], 0.0)
+    for a in range(2):
+        shape[a] = variance[a]
+        for i in range(4):
+            shape[a] -= M[a, 6 + i] * given[i, a]
+        shape[a] = max(shape[a], 0.0)

@@ -1,0 +1,108 @@
+"""The smoother of `fusion` against filterpy and against a dense batch solution (A10)."""
+
+import numpy as np
+import pytest
+
+from roadlog.drive import Drive
+from roadlog.estimators.fusion import FusionParameters, noise_of, priors
+from roadlog.estimators.fusion_inputs import build
+from roadlog.estimators.fusion_model import BA, MOVING, ROWS, N, Noise, Steps
+from roadlog.estimators.fusion_smoother import PIECE, prediction, residual_row, smooth
+from roadlog.types import Floats
+from roadlog.vehicle import Vehicle
+
+LENGTH = 2 * PIECE + 44  # steps; no multiple of the checkpoints
+
+
+@pytest.fixture
+def problem(hill_drive: Drive) -> tuple[Steps, Noise, Floats]:
+    """Six seconds with climb and altitude now and then."""
+    vehicle, params = Vehicle(), FusionParameters()
+    steps, source = build(hill_drive, vehicle, params.speed_sd, params.creep_speed_sd)
+    mean, P0 = priors(vehicle, params, source)
+    noise = noise_of(steps, vehicle, params, hill_drive)
+    steps.starts[:] += mean
+    cut = {
+        name: values[:LENGTH].copy()
+        for name, values in steps._asdict().items()
+        if isinstance(values, np.ndarray) and len(values) > LENGTH
+    }
+    steps = steps._replace(**cut)
+    steps.fixes[::20, 2] = 0.3
+    steps.fixes[10::50, 3] = 1.0
+    return steps, noise, P0
+
+
+def with_gap(steps: Steps) -> Steps:
+    """The IMU is away for a second; a new run begins behind it."""
+    alive, start = steps.alive.copy(), steps.start.copy()
+    alive[120:170] = False
+    start[170] = 1
+    return steps._replace(alive=alive, start=start, starts=np.repeat(steps.starts, 2, axis=0))
+
+
+@pytest.mark.parametrize("passes", [1, 2])
+@pytest.mark.parametrize("gap", [False, True])
+def test_engines_agree(problem: tuple[Steps, Noise, Floats], gap: bool, passes: int) -> None:
+    steps, noise, P0 = problem
+    if gap:
+        steps = with_gap(steps)
+    steps.speed[60] += 3.0  # an outlier: the soft weight must agree as well
+    compiled = smooth(steps, noise, P0, passes)
+    reference = smooth(steps, noise, P0, passes, engine="reference")
+    for name in ("x", "variance", "shape_variance", "x_end", "P_end"):
+        np.testing.assert_allclose(
+            getattr(compiled, name), getattr(reference, name), atol=1e-7, err_msg=name
+        )
+    np.testing.assert_allclose(compiled.variance, reference.variance, rtol=1e-7)
+
+
+def test_equals_the_dense_batch_solution(problem: tuple[Steps, Noise, Floats]) -> None:
+    """Linear case: the conditional mean of all states given all rows, by one dense solve."""
+    steps, noise, P0 = problem
+    noise = noise._replace(gate=0.0, still_gate=0.0)
+    n = 200
+    cut = {
+        name: values[:n]
+        for name, values in steps._asdict().items()
+        if isinstance(values, np.ndarray) and len(values) == LENGTH
+    }
+    steps = steps._replace(**cut)
+    at = smooth(steps, noise, P0).x
+    smoothed = smooth(steps, noise, P0, passes=2)
+    # every state is mean + map @ e, e = start and process noise, of unit variance
+    mean, spread = steps.starts[0].copy(), np.zeros((N, N * (n + 1)))
+    spread[:, :N] = np.sqrt(P0)
+    means, maps, rows, residuals, sds = [], [], [], [], []
+    F, q, h = np.empty((N, N)), np.empty(N), np.empty(N)
+    for k in range(n):
+        if k > 0:
+            mean = prediction(k - 1, mean, steps, noise, at, F, q)
+            spread = F @ spread
+            spread[np.arange(N), N * k + np.arange(N)] += np.sqrt(q)
+        means.append(mean)
+        maps.append(spread.copy())
+        for kind in range(ROWS):
+            residual, sd, _ = residual_row(kind, k, mean, steps, noise, at, h)
+            if np.isfinite(residual):
+                rows.append(h @ spread)
+                residuals.append(residual)
+                sds.append(sd)
+    A = np.array(rows)
+    e = A.T @ np.linalg.solve(A @ A.T + np.diag(np.square(sds)), residuals)
+    batch = np.array([m + s @ e for m, s in zip(means, maps, strict=True)])
+    np.testing.assert_allclose(smoothed.x, batch, atol=1e-8)
+
+
+def test_constants_learn_across_a_gap(problem: tuple[Steps, Noise, Floats]) -> None:
+    """What one run of the IMU says of a bias holds in the run before it as well."""
+    steps, noise, P0 = problem
+    gap = with_gap(steps)
+    gap.fixes[:170] = np.nan  # only the second run has GNSS
+    first = gap._replace(alive=gap.alive & (np.arange(LENGTH) < 120))
+    joint, alone = smooth(gap, noise, P0), smooth(first, noise, P0)
+    assert np.isnan(joint.x[120:170]).all()
+    assert joint.P_end[BA, BA] < alone.P_end[BA, BA]
+    np.testing.assert_allclose(joint.x[50, BA], joint.x_end[BA], atol=1e-3)
+    assert joint.variance[60, 0] < alone.variance[60, 0]
+    assert len(MOVING) == 10
