@@ -27,8 +27,8 @@ PERIOD = 0.01  # s, between two decisions
 
 RATIOS = np.array([3.90, 2.19, 1.41, 1.00, 0.81])  # of the gearbox
 SECOND = 1
-SHIFT_UP = np.array([5.5, 10.0, 15.5, 22.0])  # m/s
-SHIFT_DOWN = np.array([3.0, 7.0, 11.5, 17.0])  # m/s
+SHIFT_UP = np.array([5.5, 10.0, 18.5, 26.0])  # m/s
+SHIFT_DOWN = np.array([3.0, 7.0, 14.0, 21.0])  # m/s
 SHIFT_TIME = 0.7  # s without torque demand
 SHIFT_OPEN = (0.25, 0.55)  # s into the shift, between which the clutch is open
 
@@ -46,6 +46,7 @@ class DriverParameters(NamedTuple):
     gain_speed: tuple[float, float] = (10.0, 2.0)  # m/s: gains fall as 10 / (v + 2)
     yaw_damping: float = 0.02  # s
     engine_drag: float = -120.0  # N m at the axle; below it the brakes help
+    engine_limit: float = 450.0  # N m, where gears are shifted; without, second gear does it all
     hold_torque: float = 1500.0  # N m
     stop_speed: float = 0.25  # m/s, below which a stopping driver holds the brake
     release: float = 0.9  # share of the slope's pull that the engine must carry before release
@@ -121,6 +122,8 @@ def decide(
             command[2] = driver.hold_torque
     if gears:
         _shift(memory, v, command)
+        limit = driver.engine_limit * command[3] * car.final_drive * car.driveline_efficiency
+        command[1] = min(command[1], limit)
     else:
         command[3] = RATIOS[SECOND]
 

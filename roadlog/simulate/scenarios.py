@@ -370,7 +370,7 @@ def _mountain() -> Scenario:
     return Scenario(
         "mountain",
         "over a pass: grades to 10 %, hairpins, banked bends, two stops, gear shifts, wind (5 min)",
-        Tour(3100.0, cruise=17.0, stops=((1250.0, 20.0), (2320.0, 15.0))),
+        Tour(3100.0, cruise=17.0, acceleration=1.5, stops=((1250.0, 20.0), (2320.0, 15.0))),
         RoadShape(
             grade=Knots(
                 tuple((s, percent / 100) for s, percent in _tuples(_MOUNTAIN_GRADE)), (30.0,)

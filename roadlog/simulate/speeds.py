@@ -121,7 +121,7 @@ class Tour:
 
     def over(self, curvature: Profile | float, start: float) -> Knots:
         """Speed over time on a road of that curvature, from `start` m along it."""
-        s: Floats = start + np.arange(round(self.length / TOUR_STEP) + 1) * TOUR_STEP
+        s: Floats = start + np.multiply(np.arange(round(self.length / TOUR_STEP) + 1), TOUR_STEP)
         bend = np.abs(sampled(curvature, s))
         limit = np.minimum(sampled(self.cruise, s), np.sqrt(self.lateral / np.maximum(bend, 1e-6)))
         stops = {len(s) - 1: self.wait}
@@ -133,7 +133,7 @@ class Tour:
             square[k] = min(square[k], square[k - 1] + 2 * self.acceleration * TOUR_STEP)
         for k in range(len(s) - 2, -1, -1):
             square[k] = min(square[k], square[k + 1] + 2 * self.braking * TOUR_STEP)
-        speed = np.sqrt(square)
+        speed: Floats = np.sqrt(square)
         points, t = [(0.0, 0.0), (self.wait, 0.0)], self.wait
         for k in range(1, len(s)):
             t += 2 * TOUR_STEP / (speed[k - 1] + speed[k])
