@@ -87,7 +87,9 @@ def _numbers(values: NDArray, role: str) -> Floats:
     try:
         return np.array(values, np.float64)
     except (TypeError, ValueError):
-        raise ConfigError(f"{role}: its source holds text, not numbers (e.g. {values[0]!r})") from None
+        raise ConfigError(
+            f"{role}: its source holds text, not numbers (e.g. {values[0]!r})"
+        ) from None
 
 
 def _table(
@@ -143,7 +145,9 @@ def _rotate(columns: dict[str, Floats], kind: str, mount: Floats) -> None:
         needs = [abs(c) > NEGLIGIBLE for c in row]
         if any(need and not has for need, has in zip(needs, there, strict=True)):
             if sum(needs) > 1:
-                lacking = [n for n, need, has in zip(names, needs, there, strict=True) if need > has]
+                lacking = [
+                    n for n, need, has in zip(names, needs, there, strict=True) if need > has
+                ]
                 raise ConfigError(f"imu: mount turns several axes; map {', '.join(lacking)} too")
             continue
         columns[name] = sum(

@@ -6,7 +6,7 @@ import math
 import operator
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatch
 from importlib.resources import files
@@ -108,7 +108,7 @@ class Profile:
 
     @classmethod
     def from_toml(cls, text: str, name: str, where: str = "") -> Profile:
-        """Parse a profile's text; every unknown key, role or unit is a ConfigError that names it."""
+        """Parse a profile's text. An unknown key, role or unit is a ConfigError that names it."""
         where = where or f"profile {name}"
         try:
             document = tomllib.loads(text)
@@ -128,7 +128,7 @@ class Profile:
                     raise ConfigError(f"{here}: only [imu] has a mount")
                 mounts[section] = rotation(mount, here)
             fields = SECTIONS[section].fields
-            for key, value in table.items():
+            for key in table:
                 _known(key, fields, f"{here}: unknown signal '{key}'")
             entries[section] = {
                 key: _entry(f"{section}.{key}", value, SECTIONS[section], f"{here} {key}")
@@ -148,14 +148,16 @@ class Profile:
                 found.add(entry.valid.name)
         return found
 
-    def __iter__(self) -> Any:
+    def __iter__(self) -> Iterator[Entry]:
         return (entry for table in self.entries.values() for entry in table.values())
 
 
 def shipped() -> list[str]:
     """Names of the profiles that come with roadlog."""
     folder = files("roadlog").joinpath("profiles")
-    return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
+    return sorted(
+        f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")
+    )
 
 
 def find(entry_name: str, entry: Entry, frames: list[Frame]) -> tuple[Frame, str]:
@@ -173,12 +175,14 @@ def find(entry_name: str, entry: Entry, frames: list[Frame]) -> tuple[Frame, str
         known = {c for f in among for c in f.columns}
         full = {f"{f.name}.{c}" for f in among for c in f.columns if f.name}
         choices = full if "." in entry_name and full else known
-        raise ConfigError(f"{entry.role}: the source has no '{entry_name}'. {near(entry_name, choices)}")
+        raise ConfigError(
+            f"{entry.role}: the source has no '{entry_name}'. {near(entry_name, choices)}"
+        )
     if len(found) > 1:
         places = ", ".join(f"{f.name or f.file}.{c}" for f, c in found)
         raise ConfigError(
             f"{entry.role}: '{entry_name}' is in several places ({places}); "
-            f"write one of them, or add file = \"...\""
+            f'write one of them, or add file = "..."'
         )
     return found[0]
 

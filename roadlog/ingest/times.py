@@ -1,4 +1,4 @@
-"""Time columns of text and table sources: numbers in a unit, ISO 8601, phone and spreadsheet forms."""
+"""Time columns of text and table sources: numbers in a unit, ISO 8601, phone forms."""
 
 from __future__ import annotations
 
@@ -84,6 +84,6 @@ def guess_unit(values: Floats) -> str:
     if step.is_integer() and len(values) > 1 and np.all(values == np.floor(values)) and step >= 5:
         return "ms"
     raise ConfigError(
-        f"the unit of the time column is not clear (step {step:g}); give [time] unit = \"s\" or "
+        f'the unit of the time column is not clear (step {step:g}); give [time] unit = "s" or '
         f'"ms" in the profile'
     )
