@@ -48,8 +48,11 @@ def _register() -> None:
     from roadlog.cli.evaluate import evaluate
     from roadlog.cli.ingest import ingest
     from roadlog.cli.profiles import profiles
+    from roadlog.cli.simulate import scenarios, simulate
+    from roadlog.cli.view import view
 
-    for command in (ingest, profiles, estimate, evaluate, estimators):
+    commands = (ingest, estimate, evaluate, view, simulate, estimators, profiles, scenarios)
+    for command in commands:
         app.command()(command)
 
 

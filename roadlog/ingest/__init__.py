@@ -73,7 +73,7 @@ def ingest(
         topic = SECTIONS["truth"].topic
         tables = [t for t in tables if t.topic != topic] + [truth.from_gnss(tables)]
     losses = [loss for recording in recordings for loss in recording.losses]
-    losses += [f"{table.topic}: clock runs backward" for table in tables if _backward(table)]
+    losses += [loss for recording in recordings for loss in _backward(recording)]
     metadata = {
         "profile": {"name": profile.name, "toml": profile.text},
         "source": {"files": json.dumps(_digests(paths), sort_keys=True)},
@@ -105,8 +105,13 @@ def _own_profile(formats: Sequence[Format], paths: Sequence[Path]) -> str:
     )
 
 
-def _backward(table: Table) -> bool:
-    return bool((table.time[1:] < table.time[:-1]).any())
+def _backward(recording: Recording) -> list[str]:
+    """A sentence for each frame whose clock steps back; its rows are put in order."""
+    return [
+        f"{frame.file}: {frame.name or 'the time column'} runs backward {steps} times; put in order"
+        for frame in recording.frames
+        if (steps := int((frame.time[1:] < frame.time[:-1]).sum()))
+    ]
 
 
 def _digests(paths: Sequence[Path]) -> dict[str, str]:

@@ -33,9 +33,13 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     identifiers: list[int] = []
     lengths: list[int] = []
     payload = bytearray()
-    losses = []
+    losses: list[str] = []
     try:
         with LogReader(path) as reader:
+            promised = getattr(reader, "file_size", 0)  # BLF: what its header says
+            if promised > path.stat().st_size:
+                share = path.stat().st_size / promised
+                losses.append(f"{path.name}: cut short: {share:.0%} of the file is there")
             for frame in reader:
                 if frame.is_error_frame or frame.is_remote_frame:
                     continue
@@ -48,7 +52,7 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     except Exception as error:  # each reader raises its own types for a cut-off file
         if not times:
             raise LogReadError(f"{path}: cannot be read as a CAN trace: {error}") from error
-        losses.append(f"{path.name}: cut short after {len(times)} frames: {error}")
+        losses.append(f"{path.name}: unreadable after {len(times)} frames: {error}")
     frames = can.CanFrames(
         np.array(times, np.int64),
         np.array(identifiers, np.uint32),

@@ -18,7 +18,7 @@ PROFILE = "comma2k19"
 GPS_EPOCH = 315_964_800  # s, 1980-01-06 in Unix time
 LEAP_SECONDS = 18  # GPS - UTC since 2017; the data set is of 2018
 WEEK = 604_800  # s
-POLAR_FLATTENING = 0.99330562  # (1 - e^2) of WGS84, geocentric to geodetic
+POLAR_FLATTENING = 0.99330562  # 1 - e^2 of WGS 84: (b / a)^2
 MOVING = 3.0  # m/s; above it the velocity points where the car does
 
 _FIELDS = {
@@ -89,7 +89,7 @@ def angles_of_pose(pose: Path) -> dict[str, Floats]:
     position = _load(pose / "frame_positions")
     velocity = _load(pose / "frame_velocities")
     device = _rotations(_load(pose / "frame_orientations"))  # device FRD -> ECEF
-    up = position / [POLAR_FLATTENING, POLAR_FLATTENING, 1.0]
+    up = position * [POLAR_FLATTENING, POLAR_FLATTENING, 1.0]  # normal of the ellipsoid
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     speed = np.linalg.norm(velocity, axis=1)
     moving = speed > MOVING

@@ -118,10 +118,9 @@ def _table(
 def _united(values: dict[str, tuple[Stamps, Floats]]) -> tuple[Stamps, dict[str, Floats]]:
     """All signals on the union of their stamps; repeated stamps of one signal keep the last."""
     stamps = [time for time, _ in values.values()]
-    if all(time is stamps[0] or np.array_equal(time, stamps[0]) for time in stamps):
-        time = stamps[0]
-        if np.all(np.diff(time) > 0):
-            return time, {name: column for name, (_, column) in values.items()}
+    first = stamps[0]
+    if np.all(np.diff(first) > 0) and all(np.array_equal(time, first) for time in stamps):
+        return first, {name: column for name, (_, column) in values.items()}
     union: Stamps = np.unique(np.concatenate(stamps))
     columns = {}
     for name, (time, column) in values.items():
@@ -156,17 +155,24 @@ def _rotate(columns: dict[str, Floats], kind: str, mount: Floats) -> None:
 
 
 def gaps(tables: Iterable[Table], minimum: float = 1.0) -> list[str]:
-    """Sentences on the holes of more than `minimum` seconds and 5 median intervals."""
+    """Sentences on the holes of more than `minimum` seconds and 5 median intervals of a signal."""
     found = []
     for table in tables:
-        if len(table) < 3:
-            continue
-        steps = np.diff(table.time) * 1e-9
-        limit = max(minimum, 5 * float(np.median(steps)))
-        holes = np.flatnonzero(steps > limit)
-        if len(holes):
-            worst = holes[np.argmax(steps[holes])]
-            at = (table.time[worst] - table.time[0]) * 1e-9
+        # messages of one burst lie apart by milliseconds: each signal has its own interval
+        times = {table.time[np.isfinite(c)].tobytes() for c in table.columns.values()}
+        holes = [hole for raw in times for hole in _holes(np.frombuffer(raw, np.int64), minimum)]
+        if holes:
+            longest, at = max(holes)
+            after = (at - int(table.time[0])) * 1e-9
             count = "1 gap" if len(holes) == 1 else f"{len(holes)} gaps"
-            found.append(f"{table.topic}: {count}, longest {steps[worst]:.2f} s at {at:.1f} s")
+            found.append(f"{table.topic}: {count}, longest {longest:.2f} s at {after:.1f} s")
     return found
+
+
+def _holes(time: Stamps, minimum: float) -> list[tuple[float, int]]:
+    """Length [s] and start [ns] of each hole."""
+    if len(time) < 3:
+        return []
+    steps = np.diff(time) * 1e-9
+    wide = steps > max(minimum, 5 * float(np.median(steps)))
+    return list(zip(steps[wide].tolist(), time[:-1][wide].tolist(), strict=True))
