@@ -13,9 +13,11 @@ from roadlog.ingest.frame import Frame
 from roadlog.ingest.profile import AXES, Entry, Profile, find
 from roadlog.signals import SECTIONS, SIGNALS, Section
 from roadlog.storage import Table, schemas
-from roadlog.types import Floats, Stamps
+from roadlog.types import Bools, Floats, Stamps
 from roadlog.units import to_si
 
+SLOW_SECTIONS = ("speed", "gnss", "barometer")  # of devices that fast tables repeat
+REPEATS = 5  # rows; a value that typically stays this long is held, not measured anew
 NEGLIGIBLE = 1e-9  # a mount coefficient below this does not use its axis
 
 
@@ -46,6 +48,9 @@ def apply(profile: Profile, frames: list[Frame]) -> tuple[list[Table], list[Mapp
             if entry.valid:
                 used.add((id(frame), entry.valid.name))
             time, samples = _samples(entry, frame, column)
+            if name in SLOW_SECTIONS:
+                fresh = refreshed(time, samples)
+                time, samples = time[fresh], samples[fresh]
             values[key] = time, samples
             usable = int(np.isfinite(samples).sum())
             place = f"{frame.name}.{column}" if frame.name else column
@@ -81,6 +86,26 @@ def _samples(entry: Entry, frame: Frame, column: str) -> tuple[Stamps, Floats]:
             )
         values[~entry.valid.holds(_numbers(frame.columns[entry.valid.name], entry.role))] = np.nan
     return frame.time - round(entry.delay * 1e9), values
+
+
+def refreshed(time: Stamps, values: Floats) -> Bools:
+    """Which rows bring a new value, where a fast table repeats a slow device's last one.
+
+    A phone writes its 1 Hz fix into every row of a 25 Hz table; taken as samples, these are steps
+    with an infinite slope. Rows of a change are kept, and while nothing changes (standstill) one
+    row for each typical interval between changes.
+    """
+    changes = np.flatnonzero(np.diff(values, prepend=np.nan) != 0)
+    if len(changes) < 3 or np.median(np.diff(changes)) < REPEATS:
+        return np.ones(len(values), np.bool_)
+    keep = np.zeros(len(values), np.bool_)
+    keep[changes] = True
+    interval = float(np.median(np.diff(time[changes])))
+    for a, b in zip(changes, [*changes[1:], len(values)], strict=True):
+        alive = np.arange(time[a], time[b - 1], interval)[1:] if b - a > REPEATS else []
+        # a fix that comes a little late is no standstill
+        keep[a + np.searchsorted(time[a:b], alive[: len(alive) - (b < len(values))])] = True
+    return keep
 
 
 def _numbers(values: NDArray, role: str) -> Floats:

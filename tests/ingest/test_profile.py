@@ -149,3 +149,16 @@ def test_every_shipped_profile_loads(name):
 def test_an_unknown_profile_offers_the_shipped_ones():
     with pytest.raises(ConfigError, match="Close: comma2k19"):
         Profile.load("coma2k19")
+
+
+def test_a_slow_fix_repeated_in_a_fast_table_counts_once():
+    rows = np.arange(2500)
+    time = rows * 40_000_000  # 25 Hz
+    fix = rows // 25 * 0.5  # a new one each second
+    fix[1000:2000] = fix[1000]  # stands for 40 s
+    keep = mapping.refreshed(time, fix)
+    assert keep[:1000].nonzero()[0].tolist() == list(range(0, 1000, 25))
+    assert np.diff(time[keep]).max() <= 2_000_000_000
+    measured = np.random.default_rng(1).normal(size=2500)
+    measured[500:2000] = 0.0
+    assert mapping.refreshed(time, measured).all()
