@@ -20,6 +20,13 @@ def ingest(
         str | None,
         typer.Option(metavar="NAME|FILE", help="What the source's names mean; see `profiles`."),
     ] = None,
+    dbc: Annotated[
+        list[Path] | None, typer.Option(metavar="F", help="DBC file for raw CAN; repeatable.")
+    ] = None,
+    truth_from: Annotated[
+        str | None,
+        typer.Option(metavar="gnss", help="Make a reference grade: gnss = its altitude, smoothed."),
+    ] = None,
     vehicle: Annotated[Path | None, typer.Option(help="Vehicle file to keep in the log.")] = None,
 ) -> None:
     """Turn what the logger wrote into one MCAP drive log, in SI units and vehicle axes.
@@ -32,8 +39,10 @@ def ingest(
     from roadlog.log import create
     from roadlog.vehicle import Vehicle
 
+    if truth_from not in (None, "gnss"):
+        raise typer.BadParameter("must be gnss", param_hint="--truth-from")
     given = Vehicle.load(vehicle) if vehicle else None
-    result = read(sources, profile)
+    result = read(sources, profile, dbc or [], truth_from == "gnss")
     create(out, result.tables, result.metadata, given)
     _print(result, out)
     console.warn_losses(result.losses)
@@ -47,5 +56,7 @@ def _print(result: IngestResult, out: Path) -> None:
     console.print_table(["signal", "from", "unit", "samples", "invalid"], rows, str(out), left=3)
     if result.left_over:
         console.say(f"left over: {', '.join(result.left_over)}")
+    for note in result.notes:
+        console.say(note)
     for gap in result.gaps:
         console.say(f"gap: {gap}")

@@ -11,21 +11,22 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from roadlog.errors import ConfigError, LogReadError, near
-from roadlog.ingest import mapping
+from roadlog.ingest import mapping, truth
 from roadlog.ingest.frame import Recording, joined
 from roadlog.ingest.mapping import Mapped
 from roadlog.ingest.profile import Profile, shipped
+from roadlog.signals import SECTIONS
 from roadlog.storage import Table
 
 # in the order in which they are asked; each knows its sources by their content
-FORMATS = ("comma2k19", "csv")
+FORMATS = ("comma2k19", "mdf", "obd", "can_trace", "csv")
 
 
 class Format(Protocol):
     """What a format module offers; `PROFILE`, where it has one, names the profile that fits."""
 
     def recognizes(self, path: Path) -> bool: ...
-    def read(self, path: Path, profile: Profile) -> Recording: ...
+    def read(self, path: Path, profile: Profile, dbc: Sequence[Path]) -> Recording: ...
 
 
 @dataclass(frozen=True)
@@ -33,24 +34,29 @@ class IngestResult:
     """What came of the sources.
 
     tables: ready to be written. metadata: `profile` and `source` records. left_over: source names
-    that the profile does not use. gaps, losses: sentences for people.
+    that the profile does not use. notes (coverage of a bus), gaps, losses: sentences for people.
     """
 
     tables: list[Table]
     metadata: dict[str, dict[str, str]]
     mapped: list[Mapped]
     left_over: list[str]
+    notes: list[str]
     gaps: list[str]
     losses: list[str]
 
 
 def ingest(
-    sources: Sequence[Path | str], profile: Profile | str | Path | None = None
+    sources: Sequence[Path | str],
+    profile: Profile | str | Path | None = None,
+    dbc: Sequence[Path] = (),
+    truth_from_gnss: bool = False,
 ) -> IngestResult:
     """Read the sources of one drive and map them.
 
     profile: a Profile, a file, the name of a shipped one, or None where the source says what it
-    is. Raises LogReadError for an unreadable source, ConfigError for a profile that does not fit.
+    is. dbc: databases for raw CAN frames. truth_from_gnss: a reference grade from the altitude.
+    Raises LogReadError for an unreadable source, ConfigError for a profile that does not fit.
     """
     paths = [Path(source) for source in sources]
     formats = [_format(path) for path in paths]
@@ -58,16 +64,22 @@ def ingest(
         profile = _own_profile(formats, paths)
     if not isinstance(profile, Profile):
         profile = Profile.load(profile)
-    recordings = [format_.read(path, profile) for format_, path in zip(formats, paths, strict=True)]
+    recordings = [
+        format_.read(path, profile, dbc) for format_, path in zip(formats, paths, strict=True)
+    ]
     frames = joined(frame for recording in recordings for frame in recording.frames)
     tables, mapped, left_over = mapping.apply(profile, frames)
+    if truth_from_gnss:
+        topic = SECTIONS["truth"].topic
+        tables = [t for t in tables if t.topic != topic] + [truth.from_gnss(tables)]
     losses = [loss for recording in recordings for loss in recording.losses]
-    losses += [f"{table.topic}: clock runs backward" for table in tables if _backward(table)]
+    losses += [loss for recording in recordings for loss in _backward(recording)]
     metadata = {
         "profile": {"name": profile.name, "toml": profile.text},
         "source": {"files": json.dumps(_digests(paths), sort_keys=True)},
     }
-    return IngestResult(tables, metadata, mapped, left_over, mapping.gaps(tables), losses)
+    notes = [note for recording in recordings for note in recording.notes]
+    return IngestResult(tables, metadata, mapped, left_over, notes, mapping.gaps(tables), losses)
 
 
 def _format(path: Path) -> Format:
@@ -93,8 +105,13 @@ def _own_profile(formats: Sequence[Format], paths: Sequence[Path]) -> str:
     )
 
 
-def _backward(table: Table) -> bool:
-    return bool((table.time[1:] < table.time[:-1]).any())
+def _backward(recording: Recording) -> list[str]:
+    """A sentence for each frame whose clock steps back; its rows are put in order."""
+    return [
+        f"{frame.file}: {frame.name or 'the time column'} runs backward {steps} times; put in order"
+        for frame in recording.frames
+        if (steps := int((frame.time[1:] < frame.time[:-1]).sum()))
+    ]
 
 
 def _digests(paths: Sequence[Path]) -> dict[str, str]:

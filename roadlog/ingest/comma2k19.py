@@ -36,9 +36,9 @@ def recognizes(path: Path) -> bool:
     return (path / "processed_log").is_dir() or (path / "global_pose").is_dir()
 
 
-def read(path: Path, profile: Profile) -> Recording:
+def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
     """Every signal of a segment, and angles from its pose. Raises LogReadError."""
-    del profile  # the arrays are small: all are read
+    del profile, dbc  # the arrays are small: all are read
     pose = path / "global_pose"
     epoch = _epoch(pose)
     frames, losses = [], []

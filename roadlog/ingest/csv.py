@@ -35,11 +35,12 @@ def header(path: Path) -> list[str]:
     return [name.strip() for name in next(csv.reader([line], delimiter=_delimiter(line)))]
 
 
-def read(path: Path, profile: Profile) -> Recording:
+def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
     """The columns that the profile reads; of the others only the names (as empty columns).
 
     Raises LogReadError naming the row, ConfigError when there is no time column.
     """
+    del dbc
     names = header(path)
     if len(set(names)) < len(names):
         twice = sorted({name for name in names if names.count(name) > 1})
@@ -52,12 +53,12 @@ def read(path: Path, profile: Profile) -> Recording:
     if not keep.all():
         losses.append(f"{path.name}: {int((~keep).sum())} rows without a time left out")
     values = {
-        n: columns[n][keep] if n in columns else _Absent(len(time)) for n in names if n != clock
+        n: columns[n][keep] if n in columns else _absent(len(time)) for n in names if n != clock
     }
     return Recording((Frame("", path.name, time, values),), tuple(losses))
 
 
-def _Absent(size: int) -> NDArray:
+def _absent(size: int) -> NDArray:
     """A column that nobody asked for: its name counts, its values take no memory."""
     return np.broadcast_to(np.float64("nan"), size)
 

@@ -13,9 +13,11 @@ from roadlog.ingest.frame import Frame
 from roadlog.ingest.profile import AXES, Entry, Profile, find
 from roadlog.signals import SECTIONS, SIGNALS, Section
 from roadlog.storage import Table, schemas
-from roadlog.types import Floats, Stamps
+from roadlog.types import Bools, Floats, Stamps
 from roadlog.units import to_si
 
+SLOW_SECTIONS = ("speed", "gnss", "barometer")  # of devices that fast tables repeat
+REPEATS = 5  # rows; a value that typically stays this long is held, not measured anew
 NEGLIGIBLE = 1e-9  # a mount coefficient below this does not use its axis
 
 
@@ -46,6 +48,9 @@ def apply(profile: Profile, frames: list[Frame]) -> tuple[list[Table], list[Mapp
             if entry.valid:
                 used.add((id(frame), entry.valid.name))
             time, samples = _samples(entry, frame, column)
+            if name in SLOW_SECTIONS:
+                fresh = refreshed(time, samples)
+                time, samples = time[fresh], samples[fresh]
             values[key] = time, samples
             usable = int(np.isfinite(samples).sum())
             place = f"{frame.name}.{column}" if frame.name else column
@@ -83,6 +88,26 @@ def _samples(entry: Entry, frame: Frame, column: str) -> tuple[Stamps, Floats]:
     return frame.time - round(entry.delay * 1e9), values
 
 
+def refreshed(time: Stamps, values: Floats) -> Bools:
+    """Which rows bring a new value, where a fast table repeats a slow device's last one.
+
+    A phone writes its 1 Hz fix into every row of a 25 Hz table; taken as samples, these are steps
+    with an infinite slope. Rows of a change are kept, and while nothing changes (standstill) one
+    row for each typical interval between changes.
+    """
+    changes = np.flatnonzero(np.diff(values, prepend=np.nan) != 0)
+    if len(changes) < 3 or np.median(np.diff(changes)) < REPEATS:
+        return np.ones(len(values), np.bool_)
+    keep = np.zeros(len(values), np.bool_)
+    keep[changes] = True
+    interval = float(np.median(np.diff(time[changes])))
+    for a, b in zip(changes, [*changes[1:], len(values)], strict=True):
+        alive = np.arange(time[a], time[b - 1], interval)[1:] if b - a > REPEATS else []
+        # a fix that comes a little late is no standstill
+        keep[a + np.searchsorted(time[a:b], alive[: len(alive) - (b < len(values))])] = True
+    return keep
+
+
 def _numbers(values: NDArray, role: str) -> Floats:
     try:
         return np.array(values, np.float64)
@@ -118,10 +143,9 @@ def _table(
 def _united(values: dict[str, tuple[Stamps, Floats]]) -> tuple[Stamps, dict[str, Floats]]:
     """All signals on the union of their stamps; repeated stamps of one signal keep the last."""
     stamps = [time for time, _ in values.values()]
-    if all(time is stamps[0] or np.array_equal(time, stamps[0]) for time in stamps):
-        time = stamps[0]
-        if np.all(np.diff(time) > 0):
-            return time, {name: column for name, (_, column) in values.items()}
+    first = stamps[0]
+    if np.all(np.diff(first) > 0) and all(np.array_equal(time, first) for time in stamps):
+        return first, {name: column for name, (_, column) in values.items()}
     union: Stamps = np.unique(np.concatenate(stamps))
     columns = {}
     for name, (time, column) in values.items():
@@ -156,17 +180,24 @@ def _rotate(columns: dict[str, Floats], kind: str, mount: Floats) -> None:
 
 
 def gaps(tables: Iterable[Table], minimum: float = 1.0) -> list[str]:
-    """Sentences on the holes of more than `minimum` seconds and 5 median intervals."""
+    """Sentences on the holes of more than `minimum` seconds and 5 median intervals of a signal."""
     found = []
     for table in tables:
-        if len(table) < 3:
-            continue
-        steps = np.diff(table.time) * 1e-9
-        limit = max(minimum, 5 * float(np.median(steps)))
-        holes = np.flatnonzero(steps > limit)
-        if len(holes):
-            worst = holes[np.argmax(steps[holes])]
-            at = (table.time[worst] - table.time[0]) * 1e-9
+        # messages of one burst lie apart by milliseconds: each signal has its own interval
+        times = {table.time[np.isfinite(c)].tobytes() for c in table.columns.values()}
+        holes = [hole for raw in times for hole in _holes(np.frombuffer(raw, np.int64), minimum)]
+        if holes:
+            longest, at = max(holes)
+            after = (at - int(table.time[0])) * 1e-9
             count = "1 gap" if len(holes) == 1 else f"{len(holes)} gaps"
-            found.append(f"{table.topic}: {count}, longest {steps[worst]:.2f} s at {at:.1f} s")
+            found.append(f"{table.topic}: {count}, longest {longest:.2f} s at {after:.1f} s")
     return found
+
+
+def _holes(time: Stamps, minimum: float) -> list[tuple[float, int]]:
+    """Length [s] and start [ns] of each hole."""
+    if len(time) < 3:
+        return []
+    steps = np.diff(time) * 1e-9
+    wide = steps > max(minimum, 5 * float(np.median(steps)))
+    return list(zip(steps[wide].tolist(), time[:-1][wide].tolist(), strict=True))

@@ -6,7 +6,7 @@ import math
 import operator
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatch
 from importlib.resources import files
@@ -108,7 +108,7 @@ class Profile:
 
     @classmethod
     def from_toml(cls, text: str, name: str, where: str = "") -> Profile:
-        """Parse a profile; an unknown key, role or unit is a ConfigError that names it."""
+        """Parse a profile's text. An unknown key, role or unit is a ConfigError that names it."""
         where = where or f"profile {name}"
         try:
             document = tomllib.loads(text)
@@ -148,7 +148,7 @@ class Profile:
                 found.add(entry.valid.name)
         return found
 
-    def __iter__(self) -> Any:
+    def __iter__(self) -> Iterator[Entry]:
         return (entry for table in self.entries.values() for entry in table.values())
 
 

@@ -1,0 +1,90 @@
+"""OBD-II: the standard parameters (SAE J1979 service 01), on CAN and in text logs of phone apps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roadlog.errors import LogReadError
+from roadlog.ingest.frame import Frame, Recording
+from roadlog.ingest.profile import Profile
+from roadlog.types import Floats, Stamps
+
+POSITIVE = 0x41  # answer to service 01
+PROFILE = "obd2"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter: its name, unit, and value from the data bytes A, B (J1979 appendix B)."""
+
+    name: str
+    unit: str
+    value: Callable[[Floats, Floats], Floats]
+
+
+PARAMETERS = {
+    0x04: Parameter("EngineLoad", "%", lambda a, _: a * 100 / 255),
+    0x0C: Parameter("EngineSpeed", "rpm", lambda a, b: (256 * a + b) / 4),
+    0x0D: Parameter("VehicleSpeed", "km/h", lambda a, _: a),
+    0x11: Parameter("ThrottlePosition", "%", lambda a, _: a * 100 / 255),
+    0x33: Parameter("BarometricPressure", "kPa", lambda a, _: a),
+    0x61: Parameter("DemandTorque", "%", lambda a, _: a - 125),
+    0x62: Parameter("ActualTorque", "%", lambda a, _: a - 125),
+    0x63: Parameter("ReferenceTorque", "N m", lambda a, b: 256 * a + b),
+}
+
+
+def answers(time: Stamps, data: NDArray[np.uint8], file: str) -> list[Frame]:
+    """One frame for each known parameter among single-frame answers of service 01."""
+    found: list[Frame] = []
+    if data.shape[1] < 5:
+        return found
+    for number, parameter in PARAMETERS.items():
+        rows = (data[:, 1] == POSITIVE) & (data[:, 2] == number) & (data[:, 0] <= 7)
+        if rows.any():
+            a, b = data[rows, 3].astype(np.float64), data[rows, 4].astype(np.float64)
+            columns = {parameter.name: parameter.value(a, b)}
+            units = {parameter.name: parameter.unit}
+            found.append(Frame("OBD", file, time[rows], columns, units))
+    return found
+
+
+def recognizes(path: Path) -> bool:
+    """Whether a file holds lines of `epoch ms;PID;value`."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        fields = file.readline(200).split(b";")
+    return len(fields) >= 3 and len(fields[0]) == 13 and fields[0].isdigit()
+
+
+def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
+    """The parameters of a text log, in the app's units. Raises LogReadError."""
+    del profile, dbc
+    rows: dict[int, tuple[list[int], list[float]]] = {}
+    bad = 0
+    for line in path.read_text("utf-8", errors="replace").splitlines():
+        stamp, _, rest = line.partition(";")
+        key, _, value = rest.partition(";")
+        if not (len(key) == 4 and key.startswith("01")):
+            continue  # gps and remarks of the app
+        try:
+            times, values = rows.setdefault(int(key[2:], 16), ([], []))
+            number = float(value)
+            times.append(int(stamp) * 1_000_000)
+            values.append(number)
+        except ValueError:
+            bad += 1
+    frames = [
+        Frame("OBD", path.name, np.array(times), {p.name: np.array(values)}, {p.name: p.unit})
+        for number, (times, values) in rows.items()
+        if values and (p := PARAMETERS.get(number))
+    ]
+    if not frames:
+        raise LogReadError(f"{path}: holds no standard parameter of service 01")
+    return Recording(tuple(frames), (f"{path.name}: {bad} lines undecodable",) if bad else ())

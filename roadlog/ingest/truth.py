@@ -1,0 +1,81 @@
+"""A reference grade from GNSS: altitude over distance, smoothed, with its own uncertainty."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roadlog.errors import LogReadError
+from roadlog.signals import ANGLES, SECTIONS
+from roadlog.storage import Table
+from roadlog.types import Floats, Stamps
+
+KERNEL = 4.0  # s, sd of the Gaussian window: a GNSS altitude wanders by meters within seconds
+REACH = 3.0  # kernels to either side
+SLOWEST = 2.0  # m/s; below it the altitude changes by its noise only
+LONGEST_STEP = 3.0  # s between fixes; no slope across a longer gap
+
+
+def from_gnss(tables: list[Table]) -> Table:
+    """`/truth/angles` with grade = atan(d altitude / d distance) at the fixes.
+
+    A local straight line is fitted to altitude over distance with Gaussian weights (sd 4 s;
+    Cleveland 1979, local regression). Distance is the integral of the GNSS speed, or of /speed.
+    sd is that of the fitted slope from the scatter about the line; the receiver's slow errors are
+    not in it. Raises LogReadError without altitude and speed.
+    """
+    by_topic = {table.topic: table for table in tables}
+    gnss = by_topic.get(SECTIONS["gnss"].topic)
+    altitude = _known(gnss, "altitude")
+    speed = _known(gnss, "speed") or _known(by_topic.get(SECTIONS["speed"].topic), "v")
+    if altitude is None or speed is None:
+        raise LogReadError(
+            "--truth-from gnss needs gnss altitude and a speed; the profile maps none"
+        )
+    stamps, heights = altitude
+    v = np.interp(stamps, *speed)
+    steps = np.diff(stamps) * 1e-9
+    distance = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * steps)])
+    time = (stamps - stamps[0]) * 1e-9
+    run = np.concatenate([[0], np.cumsum(steps > LONGEST_STEP)])
+    grade, sd = np.full(len(time), np.nan), np.full(len(time), np.nan)
+    for k in np.flatnonzero(v >= SLOWEST):
+        near = slice(*np.searchsorted(time, [time[k] - REACH * KERNEL, time[k] + REACH * KERNEL]))
+        same = run[near] == run[k]
+        weight = np.exp(-0.5 * ((time[near] - time[k]) / KERNEL) ** 2) * same
+        slope, slope_sd = _slope(distance[near], heights[near], weight)
+        grade[k] = np.arctan(slope)
+        sd[k] = slope_sd / (1 + slope**2)
+    known = np.isfinite(grade)
+    if not known.any():
+        raise LogReadError("--truth-from gnss: the car never moves with a valid altitude")
+    return _truth(stamps[known], grade[known], sd[known])
+
+
+def _known(table: Table | None, column: str) -> tuple[Stamps, Floats] | None:
+    if table is None:
+        return None
+    values: Floats = np.asarray(table.columns[column], np.float64)
+    known = np.isfinite(values)
+    return (table.time[known], values[known]) if known.any() else None
+
+
+def _slope(x: Floats, y: Floats, weight: Floats) -> tuple[float, float]:
+    """Slope and its sd of a weighted straight line; NaN with fewer than four points' weight."""
+    total = weight.sum()
+    effective = total**2 / (weight**2).sum()
+    dx, dy = x - (weight * x).sum() / total, y - (weight * y).sum() / total
+    spread = (weight * dx**2).sum()
+    if effective < 4 or spread <= 0:
+        return np.nan, np.nan
+    slope = (weight * dx * dy).sum() / spread
+    variance = (weight * (dy - slope * dx) ** 2).sum() / total * effective / (effective - 2)
+    return float(slope), float(np.sqrt(variance * (weight**2 * dx**2).sum()) / spread)
+
+
+def _truth(time: Stamps, grade: Floats, sd: Floats) -> Table:
+    unknown = np.full(len(time), np.nan)
+    columns: dict[str, NDArray] = dict.fromkeys([*ANGLES, *(f"{a}_sd" for a in ANGLES)], unknown)
+    columns |= {"grade": grade, "grade_sd": sd}
+    columns |= {"flags": np.zeros(len(time), np.uint32), "valid": np.ones(len(time), np.bool_)}
+    return Table(SECTIONS["truth"].topic, SECTIONS["truth"].schema, time, columns)
