@@ -19,6 +19,9 @@ from roadlog.vehicle import Vehicle
 TABLE: dict[str, str] = {
     "kmbe": "roadlog.estimators.kmbe:KMBE",
     "lowpass_attitude": "roadlog.estimators.lowpass_attitude:LOWPASS_ATTITUDE",
+    "static_slope": "roadlog.estimators.static_slope:STATIC_SLOPE",
+    "kasaba": "roadlog.estimators.kasaba:KASABA",
+    "grade_pitch_ekf": "roadlog.estimators.grade_pitch_ekf:GRADE_PITCH_EKF",
 }
 
 ENTRY_POINTS = "roadlog.estimators"

@@ -1,4 +1,4 @@
-"""Strapdown integration near a standstill: attitude by quaternion, velocity, path; time may run back.
+"""Strapdown integration near a standstill: attitude, velocity, path; time may run backward.
 
 Kim 2023, eqs. (10)-(13), corrected as in the Massel/Kim/Wang chapter, sections 3.0 and 3.5.
 Quaternions are scalar first and rotate vehicle axes into the navigation frame (x forward at the
