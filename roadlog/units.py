@@ -89,5 +89,5 @@ def to_si(unit: str, expected: str) -> float:
     quantity, factor = UNITS[canonical(unit)]
     wanted, si_factor = UNITS[canonical(expected)]
     if quantity != wanted:
-        raise ConfigError(f"unit '{unit}' is a {quantity}, but a {wanted} [{expected}] is needed")
+        raise ConfigError(f"unit '{unit}' measures {quantity}, but {wanted} [{expected}] is needed")
     return factor / si_factor

@@ -46,8 +46,13 @@ def _register() -> None:
     from roadlog.cli.estimate import estimate
     from roadlog.cli.estimators import estimators
     from roadlog.cli.evaluate import evaluate
+    from roadlog.cli.ingest import ingest
+    from roadlog.cli.profiles import profiles
+    from roadlog.cli.simulate import scenarios, simulate
+    from roadlog.cli.view import view
 
-    for command in (estimate, evaluate, estimators):
+    commands = (ingest, estimate, evaluate, view, simulate, estimators, profiles, scenarios)
+    for command in commands:
         app.command()(command)
 
 

@@ -1,1 +1,144 @@
 """Truth: a road, a car and its sensors that know nothing of any estimator."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from roadlog.errors import ConfigError, near
+from roadlog.signals import ANGLES, ANGLES_SCHEMA, SECTIONS, TRUTH_TOPIC, truth_topic
+from roadlog.simulate.motion import Motion
+from roadlog.simulate.profiles import sampled
+from roadlog.simulate.scenario import (
+    Load,
+    Scenario,
+    distance_of,
+    speed_of,
+    with_overrides,
+)
+from roadlog.simulate.scenarios import SCENARIOS
+from roadlog.simulate.sensors import Columns, at, clock, stream
+from roadlog.simulate.straight import RATE, drive_straight
+from roadlog.storage.table import Table
+from roadlog.types import Floats, Stamps
+from roadlog.vehicle import Vehicle
+from roadlog.version import __version__
+
+__all__ = ["SCENARIOS", "Load", "Motion", "Scenario", "Simulation", "simulate"]
+
+EPOCH_NS = 1_767_225_600 * 10**9  # 2026-01-01T00:00:00Z, when every simulated drive begins
+TRUTH_RATE = 100.0  # Hz, of the angles; or the IMU's own rate where that is higher
+DETAIL_RATE = 50.0  # Hz
+ROAD_STEP = 0.25  # m
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A simulated drive: what goes into a log, and the motion that it came from.
+
+    tables: channels of the log, truth included. vehicle: the data sheet that estimators get.
+    metadata: records of the log by name.
+    """
+
+    scenario: Scenario
+    tables: list[Table]
+    vehicle: Vehicle
+    metadata: dict[str, dict[str, str]]
+    motion: Motion
+
+    def table(self, topic: str) -> Table:
+        """The channel of one topic. Raises KeyError."""
+        return {table.topic: table for table in self.tables}[topic]
+
+
+def simulate(
+    name_or_scenario: str | Scenario,
+    *,
+    seed: int = 1,
+    ideal: bool = False,
+    full: bool = False,
+    vehicle: Vehicle | None = None,
+    load: str | None = None,
+    overrides: Mapping[str, Any] | None = None,
+) -> Simulation:
+    """Drive a scenario and log it.
+
+    seed: of every chance in the scenario and the sensors. ideal: sensors without any error. full:
+    the full car where the scenario has a simple truth of its own. vehicle: the data sheet that
+    estimators get instead of the true car's. load: name of a load in the car. overrides: scenario
+    parameters by path, `sensors.imu.rate` or the last part alone where it is unique; applied after
+    `ideal`. Raises ConfigError for a name that does not exist.
+    """
+    scenario = find(name_or_scenario)
+    if ideal:
+        scenario = with_overrides(scenario, {"sensors": scenario.sensors.ideal()})
+    if overrides:
+        scenario = with_overrides(scenario, overrides)
+    motion = _straight_motion(scenario, seed)
+    sheet = vehicle or Vehicle.preset(scenario.vehicle)
+    sheet = sheet.with_values(imu_position=scenario.sensors.imu.position)
+    tables = _tables(scenario, motion, scenario.sensors.measure(motion, sheet, seed))
+    settings = {
+        "scenario": scenario.name,
+        "summary": scenario.summary,
+        "seed": str(seed),
+        "ideal": json.dumps(ideal),
+        "overrides": json.dumps({k: str(v) for k, v in (overrides or {}).items()}),
+        "roadlog_version": __version__,
+        "fuel_volume": repr(scenario.sensors.fuel.volume),
+    }
+    metadata = {"vehicle": {"toml": sheet.to_toml()}, "simulation": settings}
+    return Simulation(scenario, tables, sheet, metadata, motion)
+
+
+def find(name_or_scenario: str | Scenario) -> Scenario:
+    """A scenario by name. Raises ConfigError with the near names."""
+    if isinstance(name_or_scenario, Scenario):
+        return name_or_scenario
+    if name_or_scenario not in SCENARIOS:
+        hint = near(name_or_scenario, SCENARIOS)
+        raise ConfigError(f"no scenario '{name_or_scenario}'. {hint}")
+    return SCENARIOS[name_or_scenario]
+
+
+def _straight_motion(scenario: Scenario, seed: int) -> Motion:
+    assert scenario.straight is not None
+    rng = stream(seed, "scenario")
+    profile, duration = speed_of(scenario, rng)
+    time = np.arange(round(duration * RATE) + 1) / RATE
+    speed = sampled(profile, time)
+    speed = np.where(np.abs(speed) < 1e-9, 0.0, speed)
+    grade = scenario.road.grade
+    if getattr(grade, "over", "distance") == "time":
+        slope = sampled(grade, time)
+    else:
+        distance = distance_of(time, speed)
+        grid = np.arange(0.0, distance[-1] + 2 * ROAD_STEP, ROAD_STEP)
+        slope = np.interp(distance, grid, sampled(grade, grid, rng))
+    return drive_straight(scenario.straight, time, speed, np.arctan(slope))
+
+
+def _tables(scenario: Scenario, motion: Motion, columns: Columns) -> list[Table]:
+    tables = []
+    for name, (time, fields) in columns.items():
+        section = SECTIONS[name]
+        tables.append(Table(section.topic, section.schema, _stamps(time), fields))
+    time = clock(motion, max(TRUTH_RATE, scenario.sensors.imu.rate))
+    truth: dict[str, Any] = {a: at(motion, motion.angles[a], time) for a in ANGLES}
+    truth |= {f"{angle}_sd": np.full(len(time), np.nan) for angle in ANGLES}
+    truth["flags"] = np.zeros(len(time), np.uint32)
+    truth["valid"] = np.ones(len(time), np.bool_)
+    tables.append(Table(TRUTH_TOPIC, ANGLES_SCHEMA, _stamps(time), truth))
+    time = clock(motion, DETAIL_RATE)
+    for detail, (schema, fields) in motion.details.items():
+        values = {field: at(motion, column, time) for field, column in fields.items()}
+        tables.append(Table(truth_topic(detail), f"roadlog.v1.{schema}", _stamps(time), values))
+    return tables
+
+
+def _stamps(time: Floats) -> Stamps:
+    return EPOCH_NS + np.round(time * 1e9).astype(np.int64)

@@ -1,1 +1,1 @@
-"""A drive in Rerun: what is shown, the recording, the layout."""
+"""A drive in Rerun: what is shown (model), the recording, the layout."""

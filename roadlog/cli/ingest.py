@@ -1,0 +1,51 @@
+"""`roadlog ingest`: any supported source to one drive log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from roadlog.cli import console
+
+if TYPE_CHECKING:
+    from roadlog.ingest import IngestResult
+
+
+def ingest(
+    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="Files or folders.")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT.mcap", help="The log to write.")],
+    profile: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="What the source's names mean; see `profiles`."),
+    ] = None,
+    vehicle: Annotated[Path | None, typer.Option(help="Vehicle file to keep in the log.")] = None,
+) -> None:
+    """Turn what the logger wrote into one MCAP drive log, in SI units and vehicle axes.
+
+    Prints what was mapped, what was left over, and the gaps.
+
+    Example: roadlog ingest drive.csv -o drive.mcap --profile my_car.toml
+    """
+    from roadlog.ingest import ingest as read
+    from roadlog.log import create
+    from roadlog.vehicle import Vehicle
+
+    given = Vehicle.load(vehicle) if vehicle else None
+    result = read(sources, profile)
+    create(out, result.tables, result.metadata, given)
+    _print(result, out)
+    console.warn_losses(result.losses)
+
+
+def _print(result: IngestResult, out: Path) -> None:
+    rows = [
+        [m.role, m.source, m.unit, str(m.samples), str(m.invalid) if m.invalid else "-"]
+        for m in result.mapped
+    ]
+    console.print_table(["signal", "from", "unit", "samples", "invalid"], rows, str(out), left=3)
+    if result.left_over:
+        console.say(f"left over: {', '.join(result.left_over)}")
+    for gap in result.gaps:
+        console.say(f"gap: {gap}")

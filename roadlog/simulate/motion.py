@@ -1,0 +1,50 @@
+"""Motion: what truly happened, finely sampled; the input of every simulated sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from roadlog.types import Floats
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The true drive on a fine uniform grid; truth as defined in the Ryu/Luo chapter, 1.1.
+
+    time: s. force: (n, 3) m/s2, specific force at the reference point (CG, or the pitch center of
+    the straight model), vehicle axes. rate, rate_dot: (n, 3) rad/s and rad/s2, vehicle axes.
+    angles: name -> rad. signals: role -> what a perfect sensor would say. details: truth channel ->
+    schema and columns. position, velocity: (n, 3) m and m/s of the reference point, east north up;
+    attitude: (n, 3, 3), vehicle axes to east north up. road_force: (n, 3) m/s2, specific force of a
+    sensor that follows the road and not the body.
+    """
+
+    time: Floats
+    force: Floats
+    rate: Floats
+    rate_dot: Floats
+    angles: Mapping[str, Floats]
+    signals: Mapping[str, Floats]
+    details: Mapping[str, tuple[str, Mapping[str, Floats]]] = field(default_factory=dict)
+    position: Floats | None = None
+    velocity: Floats | None = None
+    attitude: Floats | None = None
+    road_force: Floats | None = None
+
+    @property
+    def dt(self) -> float:
+        """s, grid step."""
+        return float(self.time[1] - self.time[0])
+
+    @property
+    def speed(self) -> Floats:
+        """m/s along the road."""
+        return self.signals["speed.v"]
+
+    def at(self, point: tuple[float, float, float]) -> Floats:
+        """m/s2, (n, 3) specific force at a point of the body: f + w' x d + w x (w x d)."""
+        d = np.array(point)
+        return self.force + np.cross(self.rate_dot, d) + np.cross(self.rate, np.cross(self.rate, d))
