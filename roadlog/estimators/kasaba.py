@@ -45,6 +45,7 @@ def kasaba(drive: Drive, vehicle: Vehicle, params: KasabaParameters, engine: Eng
     x, z = (_lowpassed(drive[f"imu.accel_{axis}"], drive.rate, params.cutoff) for axis in "xz")
     with np.errstate(invalid="ignore"):
         used = np.isfinite(x) & np.isfinite(z) & (drive.speed > params.min_speed)
+    driven = np.cumsum(used) * drive.dt
     if params.variant == "plain":
         regressors, response = [np.ones(len(x)), x], z
     else:
@@ -58,10 +59,10 @@ def kasaba(drive: Drive, vehicle: Vehicle, params: KasabaParameters, engine: Eng
         if params.variant == "intercept":
             regressors.append(change * (x - 0.5 * change))  # times the mean f_x of both samples
     decay = 0.0 if params.forget_time is None else drive.dt / params.forget_time
-    slope, variance, count, spread = _least_squares(regressors, response, used, decay)
+    slope, variance, spread = _least_squares(regressors, response, used, decay)
     # samples of a low-passed signal repeat each other: n is worth 2 fc / fs of its count (3.9)
     sd = np.sqrt(variance * drive.rate / (2 * params.cutoff))
-    valid = np.isfinite(slope) & (spread > params.min_spread) & (count * drive.dt > params.min_time)
+    valid = np.isfinite(slope) & (spread > params.min_spread) & (driven > params.min_time)
     flags = (
         flag(~np.isfinite(x + z + drive.speed), "missing")
         | flag(drive.standstill, "standstill")
@@ -75,8 +76,8 @@ def kasaba(drive: Drive, vehicle: Vehicle, params: KasabaParameters, engine: Eng
 
 def _least_squares(
     regressors: list[Floats], response: Floats, used: Bools, decay: float
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Slope, its variance for white residuals, count and spread of the slope's regressor.
+) -> tuple[Floats, Floats, Floats]:
+    """Slope, its variance for white residuals, and the spread of the slope's regressor.
 
     At every sample, over the used ones so far. One regressor: a line through the origin; two: the
     slope belongs to the second when the first is constant, else to the first.
@@ -107,7 +108,7 @@ def _least_squares(
             rss = yy - by**2 / bb - covariance**2 / inner
             spread = np.sqrt(inner / n)
         variance = np.maximum(rss, 0.0) / np.maximum(free, 1.0) / inner
-    return slope, variance, n, np.nan_to_num(spread)
+    return slope, variance, np.nan_to_num(spread)
 
 
 def _accumulate(values: Floats, decay: float) -> Floats:

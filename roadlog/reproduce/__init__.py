@@ -10,7 +10,9 @@ from typing import Any
 from roadlog.errors import ConfigError, near
 
 # paper -> the module and the function that run it
-PAPERS: dict[str, str] = {}
+PAPERS: dict[str, str] = {
+    "kim2023": "roadlog.reproduce.kim2023:run",
+}
 
 
 @dataclass(frozen=True)
