@@ -17,24 +17,27 @@ from roadlog.vehicle import Vehicle
 
 # estimator -> the module and the attribute that define it; modules are imported when asked for
 TABLE: dict[str, str] = {
-    "debe": "roadlog.estimators.debe:DEBE",
-    "gnss_ins": "roadlog.estimators.gnss_ins:GNSS_INS",
-    "imu_roll": "roadlog.estimators.gnss_ins:IMU_ROLL",
     "fusion": "roadlog.estimators.fusion:FUSION",
-    "kmbe": "roadlog.estimators.kmbe:KMBE",
-    "lowpass_attitude": "roadlog.estimators.lowpass_attitude:LOWPASS_ATTITUDE",
-    "roll_bank_obs": "roadlog.estimators.roll_bank_obs:ROLL_BANK_OBS",
-    "split_qs": "roadlog.estimators.split_qs:SPLIT_QS",
-    "tfobe": "roadlog.estimators.tfobe:TFOBE",
-    "incl_kinematic": "roadlog.estimators.incl_kinematic:INCL_KINEMATIC",
     "ls_window": "roadlog.estimators.ls_window:LS_WINDOW",
     "rls_forget": "roadlog.estimators.rls_forget:RLS_FORGET",
     "ti": "roadlog.estimators.ti:TI",
     "pn": "roadlog.estimators.pn:PN",
     "ti_rls": "roadlog.estimators.ti_rls:TI_RLS",
+    "incl_kinematic": "roadlog.estimators.incl_kinematic:INCL_KINEMATIC",
+    "kmbe": "roadlog.estimators.kmbe:KMBE",
+    "debe": "roadlog.estimators.debe:DEBE",
+    "tfobe": "roadlog.estimators.tfobe:TFOBE",
     "ekf_suspension": "roadlog.estimators.ekf_suspension:EKF_SUSPENSION",
+    "lowpass_attitude": "roadlog.estimators.lowpass_attitude:LOWPASS_ATTITUDE",
     "ls_attitude": "roadlog.estimators.ls_attitude:LS_ATTITUDE",
     "fuel_level": "roadlog.estimators.fuel_level:FUEL_LEVEL",
+    "static_slope": "roadlog.estimators.static_slope:STATIC_SLOPE",
+    "kasaba": "roadlog.estimators.kasaba:KASABA",
+    "grade_pitch_ekf": "roadlog.estimators.grade_pitch_ekf:GRADE_PITCH_EKF",
+    "roll_bank_obs": "roadlog.estimators.roll_bank_obs:ROLL_BANK_OBS",
+    "split_qs": "roadlog.estimators.split_qs:SPLIT_QS",
+    "gnss_ins": "roadlog.estimators.gnss_ins:GNSS_INS",
+    "imu_roll": "roadlog.estimators.gnss_ins:IMU_ROLL",
 }
 
 ENTRY_POINTS = "roadlog.estimators"

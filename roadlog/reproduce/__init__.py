@@ -11,9 +11,10 @@ from roadlog.errors import ConfigError, near
 
 # paper -> the module and the function that run it
 PAPERS: dict[str, str] = {
-    "luo2024": "roadlog.reproduce.luo2024:luo2024",
-    "ryu2004": "roadlog.reproduce.ryu2004:ryu2004",
     "massel2004": "roadlog.reproduce.massel2004:reproduce",
+    "ryu2004": "roadlog.reproduce.ryu2004:ryu2004",
+    "kim2023": "roadlog.reproduce.kim2023:run",
+    "luo2024": "roadlog.reproduce.luo2024:luo2024",
     "wang2025": "roadlog.reproduce.wang2025:reproduce",
 }
 

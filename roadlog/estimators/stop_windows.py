@@ -1,0 +1,348 @@
+"""Stops of a drive and the windows next to them: what `static_slope` measures.
+
+Kim 2023 as in the Massel/Kim/Wang chapter, sections 3.1-3.8.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from roadlog.drive import Drive, runs
+from roadlog.estimators.base import parameter
+from roadlog.filters import Engine
+from roadlog.filters.strapdown import Path, attitude, dead_reckon, to_navigation
+from roadlog.signals import FLAGS
+from roadlog.types import Bools, Floats
+from roadlog.units import STANDARD_GRAVITY as G
+
+DECELERATION, ACCELERATION = 1, 2  # roadlog.v1.StopEvent.Kind
+START_RATE = 0.07  # s, half of the mean that gives the rate at a stop; 3.8, step 3
+NOISE_MARGIN = 4.0  # standard deviations of white noise that a steady stop may show besides
+VOID = FLAGS["missing"] | FLAGS["excitation"] | FLAGS["standstill"]  # the window has no end
+
+
+@dataclass(frozen=True)
+class StaticSlopeParameters:
+    """Section 3 of the Massel/Kim/Wang chapter unless said; "paper" marks the paper's values."""
+
+    align: Literal["auto", "full", "paper"] = parameter(
+        "auto", "", "paper: attitude next to the stop; full: settled, gyro, lever; 3.8"
+    )
+    integration: Literal["trapezoid", "rectangle"] = parameter(
+        "trapezoid", "", "rectangle: paper; 3.5"
+    )
+    gyro_bias: Literal["mean", "lowpass"] = parameter("mean", "", "lowpass: paper; 3.2")
+    bias_cutoff: float = parameter(0.05, "Hz", "of the gyro bias low-pass; 3.2")
+    hold_off: float = parameter(0.5, "s", "zero speed before and after a standing sample; 3.1")
+    min_standstill: float = parameter(1.0, "s", "shorter stops do not count; 3.1")
+    distance: float = parameter(2.0, "m", "length of a window (paper); 3.4")
+    max_time: float = parameter(5.0, "s", "a window that takes longer is void; 3.4")
+    averaging: float = parameter(2.0, "s", "mean specific force of the standing car; 3.4")
+    min_averaging: float = parameter(0.5, "s", "with less the event is void; 3.4")
+    settle: float = parameter(1.5, "s", "full: the body rocks this long after a stop; 3.4")
+    gravity_tolerance: float = parameter(0.5, "m/s2", "of the mean specific force; 3.3")
+    unsteady_max: float = parameter(
+        0.05, "m/s2", "change between the halves of the averaging window: still moving (ours)"
+    )
+    chord_max: float = parameter(0.01, "m", "deviation from a straight slope, way back; 3.6")
+    weights: Literal["equal", "variance"] = parameter(
+        "equal", "", "of the running mean; variance: 1/sd^2; 3.7"
+    )
+    reset_on_load: bool = parameter(False, "", "start the mean anew when the load changes; 3.7")
+    load_step: float = parameter(0.00262, "rad", "change of inclination that is a load; 3.7")
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A standstill: samples first .. last and the gyro bias there (3,), rad/s.
+
+    starts, ends: the car is known to drive before and after it.
+    """
+
+    first: int
+    last: int
+    gyro_bias: Floats
+    starts: bool
+    ends: bool
+
+
+@dataclass(frozen=True)
+class Statics:
+    """The standing body (3.3): angles in rad, gravity in m/s2, noise density in m/s2/sqrt(Hz).
+
+    time: s of known samples that were averaged. steady: the specific force did not change.
+    """
+
+    inclination: float
+    roll_total: float
+    gravity: float
+    noise: float
+    time: float
+    steady: bool
+
+    @property
+    def sd(self) -> float:
+        """rad, of both angles, from noise alone."""
+        return self.noise / (G * np.sqrt(self.time)) if self.time > 0 else np.nan
+
+
+@dataclass(frozen=True)
+class Event:
+    """One window into (DECELERATION) or out of (ACCELERATION) a stop, begun at `sample`.
+
+    duration: s. flags: bits of `signals.FLAGS`, 0 when the event may be used.
+    """
+
+    sample: int
+    kind: int
+    stop: Stop
+    statics: Statics
+    path: Path
+    duration: float
+    flags: int
+
+    @property
+    def valid(self) -> bool:
+        """Whether it counts in the running mean."""
+        return self.flags == 0
+
+    @property
+    def grade(self) -> float:
+        """rad, slope of the path, eq. (15); NaN when the window has no end."""
+        return np.nan if self.flags & VOID else self.path.slope
+
+    @property
+    def pitch(self) -> float:
+        """rad, eq. (16); NaN when the window has no end."""
+        return self.statics.inclination - self.grade
+
+    @property
+    def pitch_sd(self) -> float:
+        """rad, of the pitch from accelerometer noise (3.7)."""
+        if self.flags & VOID:
+            return np.nan
+        t = self.duration
+        root = np.sqrt(t**3 / 3 + t**4 / (4 * self.statics.time))
+        return float(self.statics.noise * root / self.path.s[-1])
+
+
+def find_stops(drive: Drive, static: Bools, params: StaticSlopeParameters) -> list[Stop]:
+    """Standstills of at least `min_standstill`; a gap in the speed neither starts nor ends one."""
+    margin = round(params.hold_off * drive.rate)
+    known = np.isfinite(drive.speed)
+    rate = _vectors(drive, "gyro")
+    spans = [s for s in runs(static) if (s.stop - s.start) * drive.dt >= params.min_standstill]
+    stops = []
+    for span, bias in zip(spans, _gyro_biases(rate, spans, drive.dt, params), strict=True):
+        first, last = span.start, span.stop - 1
+        # the moving sample that bounds the standstill lies one hold-off away
+        starts = first > 0 and bool(known[first - margin - 1])
+        ends = last + 1 < len(drive) and bool(known[last + margin + 1])
+        stops.append(Stop(first, last, bias, starts, ends))
+    return stops
+
+
+def _gyro_biases(
+    rate: Floats, spans: list[slice], dt: float, params: StaticSlopeParameters
+) -> list[Floats]:
+    """rad/s (3,) per stop: its mean rate, or the low-pass over standing samples at its end (3.2).
+
+    Backward in time the bias is known best at the end of the stop as well.
+    """
+    standing = [rate[span][np.isfinite(rate[span]).all(axis=1)] for span in spans]
+    if params.gyro_bias == "mean":
+        return [r.mean(axis=0) if len(r) else np.full(3, np.nan) for r in standing]
+    from scipy.signal import lfilter
+
+    alpha = 1 - np.exp(-2 * np.pi * params.bias_cutoff * dt)
+    samples = np.concatenate([*standing, np.empty((0, 3))])
+    if not len(samples):
+        return [np.full(3, np.nan) for _ in spans]
+    start = samples[: max(1, round(1.0 / dt))].mean(axis=0)  # mean of the first second
+    filtered = lfilter([alpha], [1, alpha - 1], samples, axis=0, zi=[(1 - alpha) * start])[0]
+    ends = np.cumsum([len(r) for r in standing]) - 1
+    return [filtered[max(int(end), 0)] for end in ends]
+
+
+class Windows:
+    """The windows of one drive: integrates from stops and judges the result.
+
+    force, rate: (n, 3), m/s2 and rad/s. lever: (3,) m from the pitch center to the IMU. full:
+    alignment of section 3.8 instead of the paper's.
+    """
+
+    def __init__(
+        self, drive: Drive, static: Bools, lever: Floats, full: bool, params: StaticSlopeParameters
+    ) -> None:
+        self.rate_hz = drive.rate
+        self.dt = drive.dt
+        self.static = static
+        self.force = _vectors(drive, "accel")
+        self.rate = _vectors(drive, "gyro")
+        self.known: Bools = np.asarray(
+            np.isfinite(np.hstack([self.force, self.rate])).all(axis=1), np.bool_
+        )
+        self.lever = lever
+        self.full = full
+        self.params = params
+
+    def events(self, stop: Stop, engine: Engine) -> list[Event]:
+        """The windows of one stop in time order: none where the drive's start or a gap is."""
+        kinds = [DECELERATION] * stop.starts + [ACCELERATION] * stop.ends
+        return [self._event(stop, kind, engine) for kind in kinds]
+
+    def _event(self, stop: Stop, kind: int, engine: Engine) -> Event:
+        params = self.params
+        back = kind == DECELERATION
+        sample = stop.first if back else stop.last
+        averaged = self._averaged(stop, kind)
+        statics = self._statics(averaged)
+        end, reason = self._reach(sample, -1 if back else 1)
+        # from the window's first sample to the far end of the averaging the gyro must be known
+        near = slice(min(sample, averaged.start), max(sample + 1, averaged.stop))
+        aligned = not self.full or bool(self.known[near].all())
+        if statics.time < params.min_averaging or not aligned or not self.known[sample]:
+            path = Path(*np.zeros((5, 1)))
+            return Event(sample, kind, stop, statics, path, 0.0, FLAGS["missing"])
+        step = -self.dt if back else self.dt
+        picked = slice(end, sample + 1) if back else slice(sample, end + 1)
+        order = slice(None, None, -1 if back else 1)
+        rate = self.rate[picked][order] - stop.gyro_bias
+        start = statics.inclination
+        velocity, lever = np.zeros(3), np.zeros(3)
+        if self.full:
+            start += self._turned(sample, averaged, stop.gyro_bias)
+            lever = self.lever
+            if back:
+                velocity = self._rocking(sample, stop.gyro_bias, start, statics.roll_total)
+        path = dead_reckon(
+            self.force[picked][order],
+            rate,
+            step,
+            attitude(start, statics.roll_total),
+            statics.gravity,
+            params.distance,
+            velocity,
+            lever,
+            params.integration == "trapezoid",
+            engine,
+        )
+        flags = reason if path.s[-1] < params.distance else self._judged(path)
+        if abs(statics.gravity - G) > params.gravity_tolerance:
+            flags |= FLAGS["saturated"]
+        if not statics.steady:
+            flags |= FLAGS["model"]
+        return Event(sample, kind, stop, statics, path, (len(path) - 1) * self.dt, flags)
+
+    def _judged(self, path: Path) -> int:
+        """Flags of a complete window: a bent road (chord test), a car that rolled back."""
+        flags = 0
+        if path.chord_deviation > self.params.chord_max:
+            flags |= FLAGS["rejected"]
+        if path.way_back > self.params.chord_max:
+            flags |= FLAGS["model"]
+        return flags
+
+    def _reach(self, sample: int, step: int) -> tuple[int, int]:
+        """The last sample that a window may use, and the flag if that is too near (3.4)."""
+        limit = round(self.params.max_time * self.rate_hz)
+        ahead = np.arange(sample + step, sample + step * (limit + 1), step)
+        ahead = ahead[(ahead >= 0) & (ahead < len(self.known))]
+        reason = FLAGS["excitation"] if len(ahead) == limit else FLAGS["missing"]
+        for bad, name in ((~self.known, "missing"), (self.static, "standstill")):
+            hits = np.flatnonzero(bad[ahead])
+            if len(hits):
+                ahead, reason = ahead[: hits[0]], FLAGS[name]
+        return (int(ahead[-1]) if len(ahead) else sample), reason
+
+    def _averaged(self, stop: Stop, kind: int) -> slice:
+        """Samples of the standing car whose mean gives its attitude (3.4)."""
+        count = round(self.params.averaging * self.rate_hz)
+        after = stop.last + 1
+        if kind == ACCELERATION:
+            return slice(max(stop.first, after - count), after)
+        first = stop.first
+        if self.full:
+            latest = after - round(self.params.min_averaging * self.rate_hz)
+            first = min(first + round(self.params.settle * self.rate_hz), max(first, latest))
+        return slice(first, min(first + count, after))
+
+    def _statics(self, averaged: slice) -> Statics:
+        force = self.force[averaged][self.known[averaged]]
+        n = len(force)
+        if n < 2:
+            return Statics(np.nan, np.nan, np.nan, np.nan, n * self.dt, False)
+        x, y, z = force.mean(axis=0)
+        halves = force[: n // 2], force[n // 2 :]
+        change = halves[1].mean(axis=0) - halves[0].mean(axis=0)
+        spread = np.sqrt(np.mean([half[:, 0].var() for half in halves]))
+        noise = float(spread / np.sqrt(self.rate_hz))
+        time = n * self.dt
+        # the difference of two means over half the time each has 2 / sqrt(time) of the density
+        allowed = self.params.unsteady_max + NOISE_MARGIN * 2 * noise / np.sqrt(time)
+        return Statics(
+            inclination=float(np.arctan2(x, np.hypot(y, z))),
+            roll_total=float(np.arctan2(y, z)),
+            gravity=float(np.sqrt(x * x + y * y + z * z)),
+            noise=noise,
+            time=time,
+            steady=bool(np.hypot(change[0], change[1]) <= allowed),
+        )
+
+    def _turned(self, sample: int, averaged: slice, bias: Floats) -> float:
+        """rad, inclination at `sample` minus its mean over the averaging, from the gyro (3.8)."""
+        first, after = min(sample, averaged.start), max(sample + 1, averaged.stop)
+        nose_up = -(self.rate[first:after, 1] - bias[1])
+        steps = 0.5 * (nose_up[1:] + nose_up[:-1]) * self.dt
+        angle = np.concatenate([[0.0], np.cumsum(steps)])
+        mean = angle[averaged.start - first : averaged.stop - first].mean()
+        return float(angle[sample - first] - mean)
+
+    def _rocking(self, sample: int, bias: Floats, inclination: float, roll_total: float) -> Floats:
+        """m/s (3,), of the IMU while the body still rocks: R (w x lever), w a short mean (3.8).
+
+        A single sample of a noisy gyro would add up to 0.27 deg on a lever of 1.9 m.
+        """
+        half = round(START_RATE * self.rate_hz)
+        around = slice(max(sample - half, 0), sample + half + 1)
+        rates = self.rate[around][self.known[around]]
+        speed = np.cross(rates.mean(axis=0) - bias, self.lever)
+        return np.array(to_navigation(attitude(inclination, roll_total), *speed))
+
+
+def running_mean(events: list[Event], params: StaticSlopeParameters) -> tuple[Floats, Floats]:
+    """Mean pitch after each event and its standard deviation, rad; eq. (17) over valid events.
+
+    The deviation is the larger of the scatter of the events and what noise predicts.
+    """
+    mean, sd = np.full(len(events), np.nan), np.full(len(events), np.nan)
+    pitch = np.array([event.pitch for event in events])
+    variance = np.array([event.pitch_sd for event in events]) ** 2
+    usable = np.array([event.valid for event in events], np.bool_)
+    weights = 1 / variance if params.weights == "variance" else np.ones(len(events))
+    start = 0
+    for k, event in enumerate(events):
+        if params.reset_on_load and k > 0 and _loaded(events[k - 1], event, params):
+            start = k
+        used = np.flatnonzero(usable[start : k + 1]) + start
+        if not len(used):
+            continue
+        weight = weights[used] / weights[used].sum()
+        mean[k] = weight @ pitch[used]
+        noise = weight**2 @ variance[used]
+        scatter = weight**2 @ (pitch[used] - mean[k]) ** 2 * len(used) / max(len(used) - 1, 1)
+        sd[k] = np.sqrt(max(noise, scatter))
+    return mean, sd
+
+
+def _loaded(before: Event, after: Event, params: StaticSlopeParameters) -> bool:
+    """Whether the body took another inclination while the car stood: somebody got in."""
+    change = abs(after.statics.inclination - before.statics.inclination)
+    return before.stop is after.stop and change > params.load_step
+
+
+def _vectors(drive: Drive, kind: str) -> Floats:
+    return np.stack([drive[f"imu.{kind}_{axis}"] for axis in "xyz"], axis=1)
