@@ -102,7 +102,8 @@ def refreshed(time: Stamps, values: Floats) -> Bools:
     keep[changes] = True
     interval = float(np.median(np.diff(time[changes])))
     for a, b in zip(changes, [*changes[1:], len(values)], strict=True):
-        alive = np.arange(time[a], time[b - 1], interval)[1:] if b - a > REPEATS else []
+        stop = time[b - 1] if b - a > REPEATS else time[a]
+        alive: Floats = np.arange(time[a], stop, interval)[1:]
         # a fix that comes a little late is no standstill
         keep[a + np.searchsorted(time[a:b], alive[: len(alive) - (b < len(values))])] = True
     return keep

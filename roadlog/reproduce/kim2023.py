@@ -136,9 +136,7 @@ def run() -> Reproduction:
             f"forward {forward.mean():+.2f} +- {forward.std():.2f} deg",
         ),
     ]
-    return Reproduction(
-        "kim2023", [bias, noise, control, distance, road, urban, direction], claims
-    )
+    return Reproduction("kim2023", [bias, noise, control, distance, road, urban, direction], claims)
 
 
 def motions(
@@ -193,7 +191,8 @@ def _noise_grid() -> tuple[ResultTable, dict[tuple[int, int], tuple[float, float
             formula = float(np.degrees(formula_sd(noise * MICRO_G, a)))
             case = f"{noise} ug/rtHz, {a} m/s2"
             rows.append(Row(case, "pitch, spread", "deg", None, documented, found.spread))
-            rows.append(Row(case, "pitch, spread by formula", "deg", None, formula, found.predicted))
+            predicted = found.predicted
+            rows.append(Row(case, "pitch, spread by formula", "deg", None, formula, predicted))
             spreads[a, noise] = found.spread, formula
             if a == 2:
                 inclination.append(float(found.inclination.std(ddof=1)))
@@ -240,7 +239,7 @@ def _test_road() -> tuple[ResultTable, list[Claim]]:
     """Figs 21 and 23: a body on springs, IMU 1.9 m ahead; steep ramps."""
     rows = []
     means: dict[tuple[str, int], float] = {}
-    body = {"gradient": float(np.radians(0.15)), "imu.position": [1.9, 0.0, 0.0]}
+    body: dict[str, Any] = {"gradient": float(np.radians(0.15)), "imu.position": [1.9, 0.0, 0.0]}
     body["gyro_noise"] = float(np.radians(0.01))
     documented = {("paper", 1): -0.14, ("paper", 3): -0.31, ("full", 1): -0.03, ("full", 3): -0.005}
     for align in ("paper", "full"):
