@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -54,11 +55,11 @@ def evaluate(
 
 def _print(log: str, values: Metrics, remove_offset: bool) -> None:
     offset = "removed offset" if remove_offset else "mean"
-    columns = ["estimator", "angle", "RMSE", offset, "MAE", "95 %", "max", "in 2 sd", "valid"]
+    columns = ["angle", "estimator", "RMSE", offset, "MAE", "95 %", "max", "in 2 sd", "valid"]
     rows = [
         [
-            name,
             angle,
+            name,
             console.figure(m.rmse_deg),
             console.figure(m.bias_deg),
             console.figure(m.mae_deg),
@@ -67,8 +68,7 @@ def _print(log: str, values: Metrics, remove_offset: bool) -> None:
             _percent(m.within_2sd),
             _percent(m.valid_share),
         ]
-        for name, angles in values.items()
-        for angle, m in angles.items()
+        for angle, name, m in _ranked(values)
     ]
     ending = ", mean error removed" if remove_offset else ""
     console.print_table(columns, rows, f"{log}: errors in degrees{ending}", left=2)
@@ -78,6 +78,16 @@ def _print(log: str, values: Metrics, remove_offset: bool) -> None:
         default=0.0,
     )
     console.complain(f"compared at up to {samples} truth samples; at least {matched:.0%} matched")
+
+
+def _ranked(values: Metrics) -> list[tuple[str, str, AngleMetrics]]:
+    """(angle, estimator, metrics), an angle's best estimator first."""
+    from roadlog.signals import ANGLES
+
+    return sorted(
+        ((angle, name, m) for name, angles in values.items() for angle, m in angles.items()),
+        key=lambda row: (ANGLES.index(row[0]), math.inf if (e := row[2].rmse_deg) is None else e),
+    )
 
 
 def _percent(share: float | None) -> str:
