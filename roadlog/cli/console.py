@@ -41,7 +41,7 @@ def print_table(
     table = Table(title=Text(title) if title else None, title_justify="left", box=None)
     table.pad_edge = False
     for k, column in enumerate(columns):
-        table.add_column(column, justify="left" if k < left else "right", no_wrap=k < left)
+        table.add_column(column, justify="left" if k < left else "right", no_wrap=k == 0)
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))
     terminal = sys.stdout.isatty()

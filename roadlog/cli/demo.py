@@ -5,6 +5,7 @@ from __future__ import annotations
 from roadlog.cli import console
 
 SCENARIO = "wang2025-up9"
+ESTIMATORS = ["fusion", "kmbe", "ekf_suspension", "lowpass_attitude"]  # one of each kind
 
 
 def demo() -> None:
@@ -29,7 +30,7 @@ def demo() -> None:
     console.say(
         "\n2. Estimate the angles from speed and accelerations; the truth is not looked at."
     )
-    estimate([log])
+    estimate([log], ESTIMATORS)
     console.say("\n3. Compare with the truth. Grade: the road, uphill +. Inclination: the body.")
     evaluate([log])
     console.say("\n4. Write a recording to look at.")

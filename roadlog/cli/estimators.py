@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
@@ -45,5 +46,17 @@ def estimators(
             ]
         )
         return
-    rows = [[e.name, ", ".join(e.gives), ", ".join(e.needs), e.reference, e.summary] for e in found]
-    console.print_table(["name", "gives", "needs", "source", "what it does"], rows, left=1)
+    rows = [[e.name, ", ".join(e.gives), e.summary, _brief(e.needs), e.reference] for e in found]
+    console.print_table(["name", "gives", "what it does", "needs", "source"], rows, left=5)
+
+
+def _brief(signals: Sequence[str]) -> str:
+    """imu.accel_x, imu.accel_z as imu.accel_x/z."""
+    axes: dict[str, list[str]] = {}
+    for signal in signals:
+        stem, _, axis = signal.rpartition("_")
+        if axis in ("x", "y", "z"):
+            axes.setdefault(stem, []).append(axis)
+        else:
+            axes[signal] = []
+    return ", ".join(f"{stem}_{'/'.join(found)}" if found else stem for stem, found in axes.items())
