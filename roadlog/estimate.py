@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.drive import Drive
-from roadlog.signals import ANGLES, ANGLES_SCHEMA, estimate_topic
+from roadlog.signals import ANGLES, ANGLES_SCHEMA, FLAGS, estimate_topic
 from roadlog.storage.table import Table
 from roadlog.types import Bools, Flags, Floats, Stamps
+
+MAX_ANGLE = math.radians(45.0)  # rad; steeper is no road that a car drives, and no body on it
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,25 @@ class Estimate:
         for values in self.angles.values():
             known |= np.isfinite(values)
         return known
+
+    def bounded(self) -> Estimate:
+        """The same, not valid where every angle is unknown or one is beyond any road or car.
+
+        Such a sample gets the flag `rejected`; its angles stay as they are, to be looked at.
+        """
+        if not self.angles:
+            return self
+        known = np.zeros(len(self.time), np.bool_)
+        implausible = np.zeros(len(self.time), np.bool_)
+        for values in self.angles.values():
+            known |= np.isfinite(values)
+            implausible |= np.abs(values) > MAX_ANGLE
+        flags = np.zeros(len(self.time), np.uint32) if self.flags is None else self.flags
+        return replace(
+            self,
+            valid=self.usable & known & ~implausible,
+            flags=flags | np.where(implausible, FLAGS["rejected"], 0).astype(flags.dtype),
+        )
 
     def tables(self, drive: Drive, name: str = "") -> list[Table]:
         """The channels that hold this estimate in a log."""

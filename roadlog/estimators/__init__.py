@@ -85,7 +85,7 @@ def run(
         )
     params = estimator.configure(settings or {})
     started = time.perf_counter()
-    estimate = estimator.run(drive, vehicle, params, engine)
+    estimate = estimator.run(drive, vehicle, params, engine).bounded()
     return dataclasses.replace(
         estimate,
         name=estimator.name,
