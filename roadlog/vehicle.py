@@ -12,14 +12,19 @@ from typing import Any, Literal
 from roadlog.errors import ConfigError, near
 
 Kind = Literal["given", "calibrated", "preset", "default"]
+Axis = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Source:
-    """Where a parameter's value comes from; sd in the parameter's own unit, None when unknown."""
+    """Where a parameter's value comes from; sd in the parameter's own unit, None when unknown.
+
+    axis_sd: the same of a parameter with three axes (of a rotation: rad about each).
+    """
 
     kind: Kind
     sd: float | None = None
+    axis_sd: tuple[float, float, float] | None = None
 
 
 DEFAULT = Source("default")
@@ -81,6 +86,18 @@ class Vehicle:
     antenna_position: tuple[float, float, float] | None = _parameter(
         None, "m", "from the CG, vehicle axes"
     )
+    imu_mount: tuple[Axis, Axis, Axis] | None = _parameter(
+        None, "", "forward, left and up in the log's IMU axes, one a row"
+    )
+    accel_bias: tuple[float, float, float] | None = _parameter(
+        None, "m/s2", "to be subtracted, vehicle axes"
+    )
+    gyro_bias: tuple[float, float, float] | None = _parameter(
+        None, "rad/s", "to be subtracted, vehicle axes"
+    )
+    speed_scale: float = _parameter(1.0, "-", "true speed / what wheel speeds and /speed say")
+    speed_delay: float = _parameter(0.0, "s", "wheel speeds and /speed lag the IMU")
+    gnss_delay: float = _parameter(0.0, "s", "the receiver lags the IMU")
     tank_length: float = _parameter(0.70, "m", "box along x", "tank.length")
     tank_width: float = _parameter(0.45, "m", "box along y", "tank.width")
     tank_height: float = _parameter(0.15, "m", "box along z", "tank.height")
@@ -165,7 +182,7 @@ class Vehicle:
                     f"given, calibrated, preset, default"
                 )
             sd = entry.get("sd") if isinstance(entry, dict) else None
-            sources[by_key[key]] = Source(kind, None if sd is None else float(sd))
+            sources[by_key[key]] = _source(kind, sd, f"{where}: [sources] {key}")
         return cls(sources=sources, **values)
 
     def to_toml(self) -> str:
@@ -180,8 +197,9 @@ class Vehicle:
             unit = f"  # {parameter.metadata['unit']}" if parameter.metadata["unit"] else ""
             lines[section].append(f"{key.removeprefix('tank.')} = {_toml(value)}{unit}")
             source = self.source(name)
-            if source.kind != "given" or source.sd is not None:
-                sd = "" if source.sd is None else f", sd = {source.sd!r}"
+            spread = source.sd if source.axis_sd is None else source.axis_sd
+            if source.kind != "given" or spread is not None:
+                sd = "" if spread is None else f", sd = {_toml(spread)}"
                 quoted = f'"{key}"' if "." in key else key
                 lines["sources"].append(f'{quoted} = {{ source = "{source.kind}"{sd} }}')
         return "\n\n".join("\n".join(block) for block in lines.values() if len(block) > 1) + "\n"
@@ -209,8 +227,28 @@ def _flat(table: Any, prefix: str = "") -> dict[str, Any]:
     return result
 
 
-_SIGNED = ("imu_position", "antenna_position", "tank_sender", "name", "driven")
+_VECTORS = {
+    "imu_position": 3,
+    "antenna_position": 3,
+    "tank_sender": 2,
+    "accel_bias": 3,
+    "gyro_bias": 3,
+}
+_SIGNED = ("speed_delay", "gnss_delay")
 _MAY_BE_ZERO = ("drag_area", "rolling_resistance", "pitch_gradient", "roll_gradient")
+_ORTHOGONAL = 1e-3  # largest deviation of M M' from the identity that a mounting may have
+
+
+def _source(kind: Kind, sd: Any, where: str) -> Source:
+    """Raises ConfigError."""
+    if sd is None:
+        return Source(kind)
+    values = sd if isinstance(sd, list) else [sd]
+    if len(values) not in (1, 3) or not all(_number(v) and v >= 0 for v in values):
+        raise ConfigError(f"{where}: sd = {sd!r}: must be a number or three, not negative")
+    if isinstance(sd, list) and len(values) == 3:
+        return Source(kind, axis_sd=(float(values[0]), float(values[1]), float(values[2])))
+    return Source(kind, float(values[0]))
 
 
 def _checked(name: str, value: Any, where: str) -> Any:
@@ -221,16 +259,37 @@ def _checked(name: str, value: Any, where: str) -> Any:
         if value not in ("front", "rear", "all"):
             raise ConfigError(f"{where} = {value!r}: must be front, rear or all")
         return value
-    if name in _SIGNED:
-        size = 2 if name == "tank_sender" else 3
+    if name == "imu_mount":
+        return _rotation(value, where)
+    if name in _VECTORS:
+        size = _VECTORS[name]
+        unit = next(f.metadata["unit"] for f in fields(Vehicle) if f.name == name)
         if not isinstance(value, list) or len(value) != size or not all(map(_number, value)):
-            raise ConfigError(f"{where} = {value!r}: must be {size} numbers [m]")
+            raise ConfigError(f"{where} = {value!r}: must be {size} numbers [{unit}]")
         return tuple(float(v) for v in value)
     if not _number(value):
         raise ConfigError(f"{where} = {value!r}: must be a number")
+    if name in _SIGNED:
+        return float(value)
     if value < 0 or (value == 0 and name not in _MAY_BE_ZERO):
         raise ConfigError(f"{where} = {value!r}: must be positive")
     return float(value)
+
+
+def _rotation(value: Any, where: str) -> tuple[Axis, Axis, Axis]:
+    """Three rows of a rotation. Raises ConfigError."""
+    import numpy as np
+
+    rows = value if isinstance(value, list) and len(value) == 3 else []
+    if not rows or not all(
+        isinstance(row, list) and len(row) == 3 and all(map(_number, row)) for row in rows
+    ):
+        raise ConfigError(f"{where} = {value!r}: must be three rows of three numbers")
+    matrix = np.array(rows, np.float64)
+    deviation = np.abs(matrix @ matrix.T - np.eye(3)).max()
+    if deviation > _ORTHOGONAL or np.linalg.det(matrix) < 0:
+        raise ConfigError(f"{where}: is no rotation of right-handed axes")
+    return tuple(tuple(float(v) for v in row) for row in rows)  # type: ignore[return-value]
 
 
 def _number(value: Any) -> bool:
@@ -242,7 +301,7 @@ def _toml(value: Any) -> str:
         escaped = value.replace("\\", "\\\\").replace('"', '\\"')
         return f'"{escaped}"'
     if isinstance(value, tuple):
-        return "[" + ", ".join(repr(v) for v in value) + "]"
+        return "[" + ", ".join(map(_toml, value)) + "]"
     return repr(value)
 
 

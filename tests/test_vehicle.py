@@ -15,11 +15,16 @@ driven = "front"
 imu_position = [-0.25, 0.12, -0.10]
 pitch_gradient = 0.0052
 
+imu_mount = [[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]
+accel_bias = [0.01, -0.02, 0.03]
+speed_delay = -0.02
+
 [tank]
 sender = [0.15, 0.0]
 
 [sources]
 pitch_gradient = { source = "calibrated", sd = 0.0002 }
+imu_mount = { source = "calibrated", sd = [0.03, 0.001, 0.002] }
 """
 
 
@@ -28,6 +33,9 @@ def test_file_values_and_sources() -> None:
     assert (car.mass, car.yaw_inertia, car.rear_cornering_stiffness) == (1568.0, 2670.0, 84000.0)
     assert car.imu_position == (-0.25, 0.12, -0.10)
     assert car.tank_sender == (0.15, 0.0)
+    assert car.imu_mount == ((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))
+    assert car.speed_delay == -0.02
+    assert car.source("imu_mount") == Source("calibrated", axis_sd=(0.03, 0.001, 0.002))
     assert car.source("mass") == Source("given")
     assert car.source("pitch_gradient") == Source("calibrated", 0.0002)
     assert car.source("drag_area") == Source("default")
@@ -49,6 +57,10 @@ def test_toml_round_trip(car: Vehicle) -> None:
         ("[vehicle]\ndriven = 'left'", "front, rear or all"),
         ("[vehicle]\nimu_position = [1, 2]", "must be 3 numbers"),
         ("[vehicel]\nmass = 3", r"unknown section \[vehicel\]. Close: vehicle"),
+        ("[vehicle]\naccel_bias = [1, 2]", r"must be 3 numbers \[m/s2\]"),
+        ("[vehicle]\nimu_mount = [1, 2, 3]", "three rows of three numbers"),
+        ("[vehicle]\nimu_mount = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]", "no rotation"),
+        ("[sources]\nmass = { source = 'given', sd = [1, 2] }", "must be a number or three"),
         ("[vehicle", "not a TOML file"),
         ("[sources]\nmass = 'guess'", "none of given"),
     ],

@@ -9,6 +9,7 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any
 
+from roadlog.correction import applied, corrected
 from roadlog.drive import Drive
 from roadlog.errors import ConfigError, EstimatorError, near
 from roadlog.estimate import Estimate
@@ -71,7 +72,7 @@ def run(
     settings: Mapping[str, Any] | None = None,
     engine: Engine = "compiled",
 ) -> Estimate:
-    """Run one estimator by name.
+    """Run one estimator by name, on the drive as the vehicle file corrects its sensors.
 
     settings: parameters to set. Raises EstimatorError when the drive lacks a needed signal,
     ConfigError for an unknown name or parameter.
@@ -84,13 +85,16 @@ def run(
             f"Map the signal in the profile, or choose another estimator (`roadlog info`)"
         )
     params = estimator.configure(settings or {})
+    changes = applied(vehicle, drive)
+    said = [f"applied from the vehicle file: {', '.join(changes)}"] if changes else []
+    drive = corrected(drive, vehicle)
     started = time.perf_counter()
     estimate = estimator.run(drive, vehicle, params, engine).bounded()
     return dataclasses.replace(
         estimate,
         name=estimator.name,
         parameters=dataclasses.asdict(params),
-        notes=[*default_notes(estimator, vehicle), *estimate.notes],
+        notes=[*said, *default_notes(estimator, vehicle), *estimate.notes],
         run_time=time.perf_counter() - started,
     )
 

@@ -65,6 +65,7 @@ from roadlog.vehicle import Vehicle
 DEG = np.pi / 180
 SMALL_MOUNTING = 1.0 * DEG  # beyond this the filter linearises once more (section 7)
 MAX_PASSES = 3
+CALIBRATED_MOUNTING = 0.1 * DEG  # a mounting that the vehicle file gives is no better (section 3)
 SPEED_GAP = 3.0  # s without speed, flagged (section 7)
 SETTLE = 2.0  # s at the ends of a run of the IMU, flagged
 LINEAR_TIRES = 5.0  # m/s2 of lateral specific force, beyond which tires are not linear
@@ -185,7 +186,10 @@ def priors(
     sd[[EP, ER]] = 0.1 * DEG
     sd[BG : BG + 3] = params.gyro_bias_sd
     sd[BA : BA + 3] = np.array([1, 1, 2]) * params.accel_bias_sd
-    sd[MPHI : MPSI + 1] = params.mounting_sd
+    mounted = vehicle.source("imu_mount").axis_sd
+    sd[MPHI : MPSI + 1] = (
+        params.mounting_sd if mounted is None else np.maximum(mounted, CALIBRATED_MOUNTING)
+    )
     sd[KAPPA] = params.speed_scale_sd
     mean[KTHETA], mean[KPHI] = vehicle.pitch_gain, vehicle.roll_gain
     sd[KTHETA] = vehicle.source("pitch_gradient").sd or params.pitch_gain_sd
