@@ -9,6 +9,8 @@ from roadlog.simulate.scenario import Load
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
+STATIC_ITERATIONS = 20  # each leaves a twentieth of the error
+
 
 def cg_shift(car: CarParameters, load: Load | None) -> Floats:
     """m, (3,) by which a load moves the sprung CG, vehicle axes."""
@@ -51,16 +53,28 @@ def loaded_car(car: CarParameters, load: Load | None) -> tuple[CarParameters, Fl
 
 
 def static_pitch(car: CarParameters, load: Load | None) -> float:
-    """rad, nose up, of the car at rest on a level road: springs and tires in series."""
+    """rad, nose up, of the car at rest on a level road: springs and tires in series.
+
+    With the tilt the CG moves over the axles and the links carry a part of the weight, so the
+    equilibrium is found by iteration.
+    """
     loaded, geometry = loaded_car(car, load)
     unsprung = (car.mass - car.sprung_mass) / 4
     wheelbase = car.cg_to_front_axle + car.cg_to_rear_axle
-    heights = []
-    for i, arm, spring in (
-        (0, loaded.cg_to_rear_axle, car.front_spring),
-        (2, loaded.cg_to_front_axle, car.rear_spring),
-    ):
-        force = loaded.sprung_mass * G * arm / wheelbase / 2
-        tire = (force + unsprung * G) / car.tire_stiffness
-        heights.append(-tire - (force - geometry[i, 3]) / spring)
-    return float(np.arctan((heights[0] - heights[1]) / wheelbase))
+    pitch = 0.0
+    for _ in range(STATIC_ITERATIONS):
+        lean = loaded.sprung_cg_height * pitch
+        heights = []
+        for i, arm, link, spring in (
+            (0, loaded.cg_to_rear_axle - lean, car.anti_dive, car.front_spring),
+            (2, loaded.cg_to_front_axle + lean, -car.anti_lift, car.rear_spring),
+        ):
+            force = loaded.sprung_mass * G * arm / wheelbase / 2
+            tire = (force + unsprung * G) / car.tire_stiffness
+            over = force * (1 + link * pitch) - geometry[i, 3]
+            stop = spring * car.bump_travel
+            beyond = max(over - stop, 0.0)
+            travel = min(over, stop) / spring + beyond / (spring + car.bump_stop)
+            heights.append(-tire - travel)
+        pitch = float(np.arctan((heights[0] - heights[1]) / wheelbase))
+    return pitch

@@ -415,11 +415,11 @@ def _city() -> Scenario:
     )
 
 
-LOADS = {  # static pitch of the wagon with each: -0.05, +0.2, +1.1, +1.6 deg
+LOADS = {  # static pitch of the wagon with each: -0.06, +0.2, +1.15, +1.6 deg
     "driver": Load(75.0, (0.10, 0.35, 0.10)),
     "family": Load(300.0, (-0.35, 0.0, 0.10)),
     "trunk": Load(250.0, (-1.60, 0.0, 0.10)),
-    "heavy": Load(500.0, (-1.20, 0.0, 0.10)),
+    "heavy": Load(500.0, (-1.30, 0.0, 0.10)),
 }
 
 SCENARIOS: dict[str, Scenario] = {
