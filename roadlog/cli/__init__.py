@@ -14,7 +14,7 @@ app = typer.Typer(
     name="roadlog",
     help="Road grade and bank, vehicle pitch and roll, from the log of an ordinary drive.",
     no_args_is_help=True,
-    rich_markup_mode="rich",
+    rich_markup_mode=None,  # rich doubles the time of --help
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )

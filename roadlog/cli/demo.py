@@ -9,7 +9,7 @@ ESTIMATORS = ["fusion", "kmbe", "ekf_suspension", "lowpass_attitude"]  # one of 
 
 
 def demo() -> None:
-    """Simulate a drive, estimate its angles, compare with the truth, write a recording.
+    """Simulate a drive, estimate, compare with the truth, record it.
 
     Everything goes into a new temporary folder; the last lines say what to try next.
 

@@ -37,10 +37,11 @@ def estimate(
     rate: Annotated[float, typer.Option(metavar="HZ", help="Rate of the common clock.")] = 100.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Estimate the angles and write them into the log as /estimates/NAME/angles.
+    """Estimate the angles and write them into the log.
 
-    Without -e every estimator runs that the log has the signals for. An earlier result of the
-    same estimator is replaced; everything else in the file stays as it is.
+    They go to /estimates/NAME/angles. Without -e every estimator runs that the log has the signals
+    for. An earlier result of the same estimator is replaced; everything else in the file stays as
+    it is.
 
     Example: roadlog estimate drive.mcap -e kmbe --set kmbe.smooth=false
     """

@@ -14,7 +14,7 @@ from roadlog.cli import console
 def estimators(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List the estimators: what each needs, gives, and where it comes from.
+    """List the estimators: what each needs and gives, its paper.
 
     Example: roadlog estimators --json
     """

@@ -18,7 +18,7 @@ def info(
     log: Annotated[Path, typer.Argument(help="An MCAP log.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Show channels, signals, what looks wrong, and which estimators can run.
+    """Show channels, what looks wrong, which estimators can run.
 
     Example: roadlog info drive.mcap
     """

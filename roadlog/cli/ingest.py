@@ -29,9 +29,9 @@ def ingest(
     ] = None,
     vehicle: Annotated[Path | None, typer.Option(help="Vehicle file to keep in the log.")] = None,
 ) -> None:
-    """Turn what the logger wrote into one MCAP drive log, in SI units and vehicle axes.
+    """Turn what the logger wrote into one MCAP drive log.
 
-    Prints what was mapped, what was left over, and the gaps.
+    In SI units and vehicle axes, by a profile that says which name is what. Prints what was mapped, what was left over, and the gaps.
 
     Example: roadlog ingest drive.csv -o drive.mcap --profile my_car.toml
     """

@@ -12,7 +12,7 @@ from roadlog.cli import console
 def profiles(
     name: Annotated[str | None, typer.Argument(help="Print this profile's text.")] = None,
 ) -> None:
-    """List the shipped profiles, or print one to start your own from.
+    """List the shipped profiles, or print one to start from.
 
     Example: roadlog profiles comma2k19 > my_car.toml
     """

@@ -15,7 +15,9 @@ def reproduce(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Run the papers' scenarios again: paper, documented and present figures side by side.
+    """Run the papers' scenarios again, next to their own figures.
+
+    Columns: paper, documented (our chapter), now.
 
     Example: roadlog reproduce wang2025
     """

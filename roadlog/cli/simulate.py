@@ -27,9 +27,10 @@ def simulate(
         typer.Option("--set", metavar="KEY=VALUE", help="Set a parameter; repeatable."),
     ] = None,
 ) -> None:
-    """Simulate a drive: its sensors, and the true angles on /truth/angles.
+    """Simulate a drive: its sensors and the true angles.
 
-    A KEY is a field of the scenario, by its path or by its last part where only one has it.
+    The truth is on /truth/angles. A KEY is a field of the scenario, by its path or by its last part
+    where only one has it.
 
     Example: roadlog simulate city -o city.mcap --seed 3 --load trunk --set gnss.rate=0
     """
