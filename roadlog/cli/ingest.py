@@ -31,7 +31,8 @@ def ingest(
 ) -> None:
     """Turn what the logger wrote into one MCAP drive log.
 
-    In SI units and vehicle axes, by a profile that says which name is what. Prints what was mapped, what was left over, and the gaps.
+    In SI units and vehicle axes, by a profile that says which name is what. Prints what was mapped,
+    what was left over, and the gaps.
 
     Example: roadlog ingest drive.csv -o drive.mcap --profile my_car.toml
     """
