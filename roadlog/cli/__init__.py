@@ -44,6 +44,7 @@ def _global(
 def _register() -> None:
     # command modules import what they compute with inside their functions: `--help` stays fast
     from roadlog.cli.demo import demo
+    from roadlog.cli.doctor import doctor
     from roadlog.cli.estimate import estimate
     from roadlog.cli.estimators import estimators
     from roadlog.cli.evaluate import evaluate
@@ -55,7 +56,7 @@ def _register() -> None:
     from roadlog.cli.view import view
 
     using = (ingest, info, estimate, evaluate, view)
-    making = (simulate, scenarios, estimators, reproduce, profiles, demo)
+    making = (simulate, scenarios, estimators, reproduce, profiles, demo, doctor)
     for command in (*using, *making):
         app.command()(command)
 

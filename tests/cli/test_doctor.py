@@ -1,0 +1,46 @@
+"""`roadlog doctor` as a process, healthy and not."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+from roadlog import doctor
+
+
+def test_a_healthy_installation(roadlog: Callable) -> None:
+    done = roadlog("doctor", "--json")
+    assert done.returncode == 0, done.stderr
+    findings = json.loads(done.stdout)
+    core = {f["name"].split(">")[0]: f for f in findings if f["topic"] == "core"}
+    assert {"numpy", "numba", "mcap", "typer"} <= set(core)
+    assert all(f["ok"] for f in core.values())
+
+
+def test_what_is_missing_is_named_with_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = metadata.version
+
+    def version(name: str) -> str:
+        if name in ("cantools", "scipy"):
+            raise metadata.PackageNotFoundError(name)
+        return real(name)
+
+    monkeypatch.setattr(metadata, "version", version)
+    findings = {f.name.split(">")[0]: f for f in doctor.examine()}
+    assert findings["cantools"].ok is None
+    assert "pip install 'roadlog[can]'" in findings["cantools"].found
+    assert findings["scipy"].ok is False
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_cache_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tmp_path.chmod(0o500)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    cache = next(f for f in doctor.examine() if f.topic == "compiler")
+    assert cache.ok is None
+    assert "NUMBA_CACHE_DIR" in cache.found
