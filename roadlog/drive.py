@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from roadlog.columnar import Columnar
 from roadlog.errors import LogReadError, MissingSignalError, near
 from roadlog.signals import INPUTS, SIGNALS, Signal
 from roadlog.storage.table import Table
@@ -37,7 +38,7 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class Drive:
+class Drive(Columnar):
     """A log's signals on one uniform clock.
 
     time: seconds from `start_ns`, uniform. signals: role -> values in SI as long as `time`, NaN
@@ -108,6 +109,10 @@ class Drive:
     def get(self, role: str) -> Floats:
         """The signal, or NaN everywhere when the drive does not have it."""
         return self.signals[role] if role in self.signals else np.full(len(self.time), np.nan)
+
+    def to_columns(self) -> dict[str, Floats]:
+        """`time` in s and every signal by its role."""
+        return {"time": self.time, **self.signals}
 
     @property
     def dt(self) -> float:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from roadlog.columnar import Columnar
 from roadlog.drive import Drive
 from roadlog.signals import ANGLES, ANGLES_SCHEMA, FLAGS, estimate_topic
 from roadlog.storage.table import Table
@@ -31,7 +32,7 @@ class Detail:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Estimate(Columnar):
     """Angles over the drive with their uncertainty.
 
     time: seconds on the drive's clock, (n,). angles: name (one of ANGLES) -> rad, NaN where there
@@ -69,6 +70,15 @@ class Estimate:
         for values in self.angles.values():
             known |= np.isfinite(values)
         return known
+
+    def to_columns(self) -> dict[str, NDArray]:
+        """`time` in s, each angle and its `_sd` in rad, `valid`, `flags`."""
+        columns: dict[str, NDArray] = {"time": self.time, **self.angles}
+        columns |= {f"{angle}_sd": values for angle, values in self.sd.items()}
+        columns["valid"] = self.usable
+        if self.flags is not None:
+            columns["flags"] = self.flags
+        return columns
 
     def bounded(self) -> Estimate:
         """The same, not valid where every angle is unknown or one is beyond any road or car.
