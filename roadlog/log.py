@@ -58,21 +58,18 @@ class DriveLog:
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
-        with LogReader(self.path) as reader:
-            self.channels: tuple[Channel, ...] = reader.channels
-            self.metadata = reader.metadata
-            self.start_ns = reader.start_ns
-            self.end_ns = reader.end_ns
-            self.losses: list[str] = list(reader.losses)
+        self._reader = LogReader(self.path)
+        self.channels: tuple[Channel, ...] = self._reader.channels
+        self.metadata = self._reader.metadata
+        self.start_ns = self._reader.start_ns
+        self.end_ns = self._reader.end_ns
+        self.losses: list[str] = self._reader.losses
 
     def tables(self, topics: Iterable[str] | None = None) -> dict[str, Table]:
-        """Columns of the given topics that the log has (default: all)."""
-        with LogReader(self.path) as reader:
-            known = {channel.topic for channel in reader.channels}
-            wanted = None if topics is None else [topic for topic in topics if topic in known]
-            tables = reader.read(wanted)
-            self.losses += [loss for loss in reader.losses if loss not in self.losses]
-        return tables
+        """Columns of the given topics that the log has (default: all), in one pass."""
+        known = {channel.topic for channel in self.channels}
+        wanted = None if topics is None else [topic for topic in topics if topic in known]
+        return self._reader.read(wanted)
 
     def drive(self, rate: float = DEFAULT_RATE) -> Drive:
         """The input signals on one clock. Raises LogReadError when there are none."""

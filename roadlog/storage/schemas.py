@@ -23,6 +23,8 @@ DTYPES: dict[int, np.dtype] = {
     FieldDescriptor.TYPE_ENUM: np.dtype("<i4"),
 }
 
+MAX_UNIT = 10  # characters; a longer beginning of a comment is a sentence
+
 
 @cache
 def shipped() -> descriptor_pb2.FileDescriptorSet:
@@ -74,3 +76,20 @@ def columns(schema: str) -> dict[str, np.dtype]:
     """Field name -> dtype of one flat shipped message."""
     fields = descriptor(schema).fields
     return {field.name: DTYPES[field.type] for field in fields if field.type in DTYPES}
+
+
+@cache
+def units(schema: str) -> dict[str, str]:
+    """Field name -> unit, out of the comments of the schema (`// m/s2, what it is`)."""
+    wanted = descriptor(schema)
+    file = next(file for file in shipped().file if file.name == wanted.file.name)
+    index = [message.name for message in file.message_type].index(wanted.name)
+    names = [field.name for field in file.message_type[index].field]
+    result = {}
+    for location in file.source_code_info.location:
+        path = list(location.path)  # 4: message_type, 2: field (descriptor.proto)
+        if len(path) == 4 and path[:3] == [4, index, 2] and location.trailing_comments:
+            unit = location.trailing_comments.split(",")[0].strip()
+            if len(unit) <= MAX_UNIT and unit != "no unit":
+                result[names[path[3]]] = unit.replace("s2", "s^2")
+    return result

@@ -1,0 +1,301 @@
+"""Messages of one channel to columns: template and mask instead of a loop over messages.
+
+One message is parsed; that gives the byte offset of every value and a mask of the bytes that say
+where values are (tags, lengths, the continuation bits of varints). Every message of that length
+whose masked bytes are equal has the same layout and is gathered without Python. The rest is tried
+with the next layout; what has none is decoded message by message, with the same result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roadlog.storage.container import Bytes, Offsets, word
+from roadlog.storage.records import LOG_TIME, MESSAGE_HEAD, PREFIX, PUBLISH_TIME
+from roadlog.types import Stamps
+
+MAX_LAYOUTS = 32  # for one length of message; beyond, message by message
+LAST_STAMP = 2**63 - 1  # ns, year 2262
+
+Rows = slice | NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Value:
+    """Where a value lies in a payload.
+
+    dtype: of the stored value. varint: its bytes, 0 for fixed width. zigzag: as in protobuf sint.
+    """
+
+    offset: int
+    dtype: np.dtype
+    varint: int = 0
+    zigzag: bool = False
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What messages of one length have in common.
+
+    values: column -> place. absent: columns whose value is not in the message -> their value (NaN
+    or a default). mask: bytes of the payload that must be equal under it.
+    """
+
+    values: Mapping[str, Value]
+    absent: Mapping[str, float]
+    mask: bytes
+
+
+class Codec(Protocol):
+    """How the payloads of a channel are read.
+
+    dtypes: the columns that are known beforehand. layout: of one payload, None where it has to be
+    decoded on its own. decode: one payload, column -> value; raises ValueError.
+    """
+
+    @property
+    def dtypes(self) -> Mapping[str, np.dtype]: ...
+
+    def layout(self, payload: bytes) -> Layout | None: ...
+    def decode(self, payload: bytes) -> Mapping[str, Any]: ...
+
+
+class Matcher:
+    """Finds the messages of one layout in a matrix of equally long records."""
+
+    def __init__(self, layout: Layout, payload: bytes) -> None:
+        self.layout = layout
+        self.tests: list[tuple[int, str, int, int]] = []
+        mask = np.frombuffer(layout.mask, np.uint8)
+        position = 0
+        while position < len(mask):
+            if not mask[position]:
+                position += 1
+                continue
+            room = int(np.argmin(np.append(mask[position : position + 8] != 0, False)))
+            size = 1 << (room.bit_length() - 1)
+            bits = int.from_bytes(layout.mask[position : position + size], "little")
+            expected = int.from_bytes(payload[position : position + size], "little") & bits
+            self.tests.append((MESSAGE_HEAD + position, f"<u{size}", bits, expected))
+            position += size
+
+    def __call__(self, matrix: Bytes) -> NDArray[np.bool_]:
+        result = np.ones(len(matrix), np.bool_)
+        for offset, dtype, bits, expected in self.tests:
+            found = at(matrix, offset, np.dtype(dtype))
+            if bits != (1 << 8 * found.itemsize) - 1:
+                found = found & found.dtype.type(bits)
+            result &= found == found.dtype.type(expected)
+        return result
+
+
+def at(matrix: Bytes, offset: int, dtype: np.dtype) -> NDArray:
+    """The value at a byte offset of each row, without a copy."""
+    return np.ndarray((len(matrix),), dtype, matrix, offset, (matrix.shape[1],))
+
+
+@dataclass
+class Columns:
+    """The columns of one channel, filled chunk by chunk.
+
+    codec: None where payloads have no columns. wanted: column names, None for all. start_ns,
+    end_ns: half-open range of log times. capacity: messages to expect. by_hand: messages that no
+    layout fitted; lost: of these, the ones that could not be decoded. beyond: messages left out
+    because no int64 holds their time.
+    """
+
+    codec: Codec | None
+    wanted: Collection[str] | None = None
+    start_ns: int | None = None
+    end_ns: int | None = None
+    clock: str = "log"
+    capacity: int = 0
+    count: int = 0
+    by_hand: int = 0
+    lost: int = 0
+    beyond: int = 0
+    _layouts: dict[int, list[Matcher]] = field(default_factory=dict)
+    _columns: dict[str, NDArray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._time = np.empty(self.capacity, np.int64)
+        for name, dtype in self.codec.dtypes.items() if self.codec else ():
+            if self._is_wanted(name):
+                self._columns[name] = np.empty(self.capacity, dtype)
+
+    def add_equal(self, data: bytes, size: int) -> None:
+        """Take all records of a chunk; each has `size` bytes."""
+        matrix = np.frombuffer(data, np.uint8).reshape(-1, size)
+        inside = self._inside(at(matrix, LOG_TIME, np.dtype("<u8")))
+        if not inside.all():
+            matrix = matrix[inside]
+        shift = PUBLISH_TIME if self.clock == "publish" else LOG_TIME
+        base = self._reserve(at(matrix, shift, np.dtype("<i8")))
+        self._fill(matrix, slice(base, self.count))
+
+    def add(self, data: bytes, offsets: Offsets) -> None:
+        """Take the message records at these offsets of a chunk; they have been checked."""
+        inside = self._inside(word(data, offsets, LOG_TIME, "<u8"))
+        if not inside.all():
+            offsets = offsets[inside]
+        if not len(offsets):
+            return
+        shift = PUBLISH_TIME if self.clock == "publish" else LOG_TIME
+        base = self._reserve(word(data, offsets, shift, "<i8"))
+        sizes = word(data, offsets, 1, "<i8") + PREFIX.size
+        first = int(sizes[0])
+        if (sizes == first).all():
+            self._fill(_gather(data, offsets, first), slice(base, self.count))
+            return
+        for size in np.unique(sizes).tolist():
+            which = np.flatnonzero(sizes == size)
+            self._fill(_gather(data, offsets[which], size), base + which)
+
+    def finish(self) -> tuple[Stamps, dict[str, NDArray]]:
+        """Times and columns in time order; equal times stay in the order of the file."""
+        time = self._time[: self.count]
+        columns = {name: values[: self.count] for name, values in self._columns.items()}
+        if (time[1:] < time[:-1]).any():
+            order = np.argsort(time, kind="stable")
+            time = time[order]
+            columns = {name: values[order] for name, values in columns.items()}
+        return time, columns
+
+    def _is_wanted(self, name: str) -> bool:
+        return self.wanted is None or name in self.wanted
+
+    def _inside(self, stamps: NDArray[np.uint64]) -> NDArray[np.bool_]:
+        known = stamps <= LAST_STAMP
+        self.beyond += int(len(known) - np.count_nonzero(known))
+        if self.start_ns is not None:
+            known &= stamps >= max(self.start_ns, 0)
+        if self.end_ns is not None:
+            known &= stamps < max(self.end_ns, 0)
+        return known
+
+    def _reserve(self, stamps: NDArray[np.int64]) -> int:
+        """Make room for as many messages and note their times; the index of the first."""
+        base, self.count = self.count, self.count + len(stamps)
+        if self.count > len(self._time):
+            more = max(self.count, 2 * len(self._time)) - len(self._time)
+            self._time = np.append(self._time, np.empty(more, np.int64))
+            for name, values in self._columns.items():
+                self._columns[name] = np.append(values, np.empty(more, values.dtype))
+        self._time[base : self.count] = stamps
+        return base
+
+    def _fill(self, matrix: Bytes, rows: Rows) -> None:
+        """Take equally long records; each goes to its row."""
+        if self.codec is None or (self.wanted is not None and not self.wanted):
+            return
+        known = self._layouts.setdefault(matrix.shape[1], [])
+        for matcher in known:
+            fits = matcher(matrix)
+            if fits.all():
+                self._put_layout(matcher.layout, matrix, rows)
+                return
+            if fits.any():
+                matrix, rows = self._part(matcher.layout, matrix, rows, fits)
+        failures = 0
+        while len(matrix):
+            payload = matrix[0, MESSAGE_HEAD:].tobytes()
+            hopeless = len(known) >= MAX_LAYOUTS or failures >= MAX_LAYOUTS
+            layout = None if hopeless else self.codec.layout(payload)
+            if layout is None:
+                failures += 1
+                alone = np.arange(len(matrix)) < (len(matrix) if hopeless else 1)
+                matrix, rows = self._part(None, matrix, rows, alone)
+            else:
+                known.append(Matcher(layout, payload))
+                matrix, rows = self._part(layout, matrix, rows, known[-1](matrix))
+
+    def _part(
+        self, layout: Layout | None, matrix: Bytes, rows: Rows, fits: NDArray[np.bool_]
+    ) -> tuple[Bytes, Rows]:
+        """Take the records that fit, by hand where there is no layout; what is left."""
+        if fits.all():
+            self._put_layout(layout, matrix, rows)
+            return matrix[:0], rows
+        if isinstance(rows, slice):
+            rows = np.arange(rows.start, rows.stop)
+        self._put_layout(layout, matrix[fits], rows[fits])
+        return matrix[~fits], rows[~fits]
+
+    def _put_layout(self, layout: Layout | None, matrix: Bytes, rows: Rows) -> None:
+        if layout is None:
+            self._put_by_hand(matrix, rows)
+            return
+        for name, place in layout.values.items():
+            if self._is_wanted(name):
+                self._put(name, rows, stored(matrix, place))
+        for name in self._columns.keys() - layout.values.keys():
+            self._put(name, rows, np.asarray(layout.absent.get(name, np.nan)))
+
+    def _put_by_hand(self, matrix: Bytes, rows: Rows) -> None:
+        assert self.codec is not None
+        found: list[Mapping[str, Any]] = []
+        for payload in matrix[:, MESSAGE_HEAD:]:
+            try:
+                found.append(self.codec.decode(payload.tobytes()))
+            except ValueError:
+                self.lost += 1
+                found.append({})
+        self.by_hand += len(found)
+        names = dict.fromkeys(name for values in found for name in values if self._is_wanted(name))
+        for name in [*names, *(self._columns.keys() - names.keys())]:
+            values = [value.get(name, np.nan) for value in found]
+            self._put(name, rows, _array(values, self.codec.dtypes.get(name)))
+
+    def _put(self, name: str, rows: Rows, values: NDArray) -> None:
+        column = self._columns.get(name)
+        if column is None:  # not known beforehand; earlier messages do not have it
+            is_first = (rows.start if isinstance(rows, slice) else int(rows[0])) == 0
+            dtype = values.dtype if is_first and isinstance(rows, slice) else np.dtype(np.float64)
+            column = np.full(len(self._time), np.nan if dtype.kind == "f" else 0, dtype)
+            self._columns[name] = column
+        dtype = np.promote_types(column.dtype, values.dtype)
+        if values.ndim == 0 and not np.isnan(values):
+            dtype = column.dtype  # a default, which every type holds
+        if dtype != column.dtype:
+            column = self._columns[name] = column.astype(dtype)
+        column[rows] = values
+
+
+def _gather(data: bytes, offsets: Offsets, size: int) -> Bytes:
+    """Records of one size as the rows of a matrix."""
+    places = np.ndarray((len(data) - size + 1,), f"V{size}", data, 0, (1,))
+    return places[offsets].view(np.uint8).reshape(-1, size)
+
+
+def _array(values: list[Any], dtype: np.dtype | None) -> NDArray:
+    """Values of a column; float64 where one is missing or none of NumPy's integers holds all."""
+    if dtype is not None and not any(value != value for value in values):
+        return np.array(values, dtype)
+    result = np.array(values)
+    return result.astype(np.float64) if result.dtype.kind == "O" else result
+
+
+def stored(matrix: Bytes, place: Value) -> NDArray:
+    """The values of one place in each record."""
+    offset = MESSAGE_HEAD + place.offset
+    if not place.varint:
+        if place.dtype.kind == "b":
+            return at(matrix, offset, np.dtype(np.uint8)) != 0
+        return at(matrix, offset, place.dtype)
+    bits = np.zeros(len(matrix), np.uint64)
+    for k in range(place.varint):
+        part = (at(matrix, offset + k, np.dtype(np.uint8)) & 0x7F).astype(np.uint64)
+        bits |= part << np.uint64(7 * k)
+    if place.dtype.kind == "b":
+        return bits != 0
+    if place.zigzag:
+        mask = np.uint64(2 ** (8 * place.dtype.itemsize) - 1)
+        bits &= mask
+        bits = (bits >> np.uint64(1)) ^ (-(bits & np.uint64(1)).astype(np.int64)).view(np.uint64)
+    unsigned = bits.astype(f"<u{place.dtype.itemsize}")
+    return unsigned.view(place.dtype)

@@ -1,0 +1,220 @@
+"""A log's channels as columns, whatever wrote it: `LogReader`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import TypeVar
+
+from roadlog.errors import LogReadError, MissingSignalError, near
+from roadlog.storage import container
+from roadlog.storage.columns import Codec, Columns
+from roadlog.storage.container import Source
+from roadlog.storage.protobuf import Protobuf
+from roadlog.storage.records import (
+    MAGIC,
+    PREFIX,
+    ChannelRecord,
+    Chunk,
+    Damage,
+    Fields,
+    Schema,
+)
+from roadlog.storage.table import Channel, Table
+
+AHEAD = 2  # chunks that are inflated while another is taken apart
+WORTH_A_THREAD = 1 << 23  # bytes of chunks; below, starting a thread takes longer
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+class LogReader:
+    """An MCAP file as columns.
+
+    channels: what the file declares. metadata: records by name, the last one wins. start_ns,
+    end_ns: first and last log time, None without messages. losses: sentences on what could not be
+    read. strict: raise instead of noting a loss. Raises LogReadError.
+    """
+
+    def __init__(self, path: Path, *, strict: bool = False) -> None:
+        self.path = Path(path)
+        self.strict = strict
+        self.losses: list[str] = []
+        self.source = Source(self.path)
+        try:
+            head = self.source.read(0, min(len(MAGIC), self.source.size))
+            if head != MAGIC:
+                found = "is empty" if not head else "is no MCAP file"
+                raise LogReadError(f"{path}: {found}; make a log with `roadlog ingest`")
+            self.contents = container.contents(self.source)
+            if self.contents.losses and not self.contents.channels:
+                raise LogReadError(f"{path}: {self.contents.losses[0]}, and that is nothing")
+            for loss in self.contents.losses:
+                self._lose(loss)
+            self.metadata = self._read_metadata()
+        except BaseException:
+            self.source.close()
+            raise
+        self.start_ns = self.contents.start_ns
+        self.end_ns = self.contents.end_ns
+        self.channels = tuple(self._described(c) for c in self.contents.channels.values())
+
+    def __enter__(self) -> LogReader:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.source.close()
+
+    def read(
+        self,
+        topics: Iterable[str] | None = None,
+        *,
+        fields: Mapping[str, Sequence[str]] | None = None,
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+        clock: str = "log",
+    ) -> dict[str, Table]:
+        """Columns of the channels on the given topics (default: all), in time order.
+
+        fields: topic -> wanted field paths (default: all). start_ns, end_ns: log times from, and
+        up to but without. clock: which of a message's times the tables hold, "log" or "publish".
+        Raises MissingSignalError, LogReadError.
+        """
+        known = {channel.topic: channel for channel in self.channels}
+        wanted = list(known if topics is None else dict.fromkeys(topics))
+        for topic in wanted:
+            if topic not in known:
+                raise MissingSignalError(f"{self.path}: no topic '{topic}'. {near(topic, known)}")
+        columns = {
+            id_: Columns(
+                self._codec(channel),
+                None if fields is None else fields.get(channel.topic),
+                start_ns,
+                end_ns,
+                clock,
+                min(self.contents.counts.get(id_, 0), self._room(id_)),
+            )
+            for id_, channel in self.contents.channels.items()
+            if channel.topic in wanted
+        }
+        chunks = [
+            chunk
+            for chunk in self.contents.chunks
+            if not columns.keys().isdisjoint(chunk.indexes)
+            and (start_ns is None or chunk.end_ns >= start_ns)
+            and (end_ns is None or chunk.start_ns < end_ns)
+        ]
+        for chunk, data in self._loaded(chunks):
+            self._take(chunk, data, columns)
+        for id_, found in columns.items():
+            self._judge(self.contents.channels[id_].topic, found)
+        return {topic: self._table(topic, columns) for topic in wanted}
+
+    def _loaded(self, chunks: Sequence[Chunk]) -> Iterator[tuple[Chunk, bytes]]:
+        """Chunks with their records; a damaged one is skipped and said in `losses`."""
+
+        def load(chunk: Chunk) -> bytes | Damage:
+            try:
+                return container.load(self.source, chunk)
+            except Damage as damage:
+                return damage
+
+        is_large = sum(chunk.size for chunk in chunks) > WORTH_A_THREAD
+        found = ahead(load, chunks) if is_large else map(load, chunks)
+        for chunk, data in zip(chunks, found, strict=True):
+            if isinstance(data, Damage):
+                self._lose(container.lost_chunk(chunk, data))
+            else:
+                yield chunk, data
+
+    def _take(self, chunk: Chunk, data: bytes, columns: Mapping[int, Columns]) -> None:
+        try:
+            if len(chunk.indexes) == 1:
+                (id_,) = chunk.indexes
+                size = container.equal_size(data, chunk, id_)
+                if size:
+                    columns[id_].add_equal(data, size)
+                    return
+            for id_, offsets in container.messages(self.source, chunk, data).items():
+                if id_ in columns:
+                    columns[id_].add(data, offsets)
+        except Damage as damage:
+            self._lose(container.lost_chunk(chunk, damage))
+
+    def _judge(self, topic: str, found: Columns) -> None:
+        """Say what of a channel could not be read."""
+        if found.lost:
+            self._lose(f"{topic}: {found.lost} of {found.count} messages cannot be decoded")
+        if found.beyond:
+            self._lose(f"{topic}: {found.beyond} messages left out, their time is after 2262")
+
+    def _table(self, topic: str, columns: Mapping[int, Columns]) -> Table:
+        """The channels of one topic as one table."""
+        ids = [id_ for id_ in columns if self.contents.channels[id_].topic == topic]
+        id_ = max(ids, key=lambda id_: columns[id_].count)
+        channel = self.contents.channels[id_]
+        time, values = columns[id_].finish()
+        return Table(topic, self._schema_name(channel), time, values, channel.metadata)
+
+    def _room(self, id_: int) -> int:
+        """How many messages of a channel there can be at most, by the size of its chunks."""
+        chunks = [chunk for chunk in self.contents.chunks if id_ in chunk.indexes]
+        return sum(chunk.size for chunk in chunks) // 31
+
+    def _codec(self, channel: ChannelRecord) -> Codec | None:
+        schema = self.contents.schemas.get(channel.schema_id)
+        count = self.contents.counts.get(channel.id, 0)
+        codec = CODECS.get((channel.encoding, schema.encoding if schema else ""))
+        if codec is None:
+            self._lose(f"{channel.topic}: {count} messages are not protobuf and were not read")
+            return None
+        assert schema is not None
+        try:
+            return codec(schema)
+        except Damage as damage:
+            self._lose(f"{channel.topic}: {count} messages without columns: {damage}")
+            return None
+
+    def _schema_name(self, channel: ChannelRecord) -> str:
+        schema = self.contents.schemas.get(channel.schema_id)
+        return schema.name if schema else ""
+
+    def _described(self, channel: ChannelRecord) -> Channel:
+        count = self.contents.counts.get(channel.id, 0)
+        name = self._schema_name(channel)
+        return Channel(channel.topic, name, channel.encoding, count, dict(channel.metadata))
+
+    def _read_metadata(self) -> dict[str, dict[str, str]]:
+        result = {}
+        for offset, length in self.contents.metadata:
+            try:
+                fields = Fields(self.source.read(offset, length))
+                fields.position = PREFIX.size
+                name = fields.text()
+                result[name] = fields.texts()
+            except Damage as damage:
+                self._lose(f"the metadata record at byte {offset} cannot be read: {damage}")
+        return result
+
+    def _lose(self, loss: str) -> None:
+        if self.strict:
+            raise LogReadError(f"{self.path}: {loss}")
+        if loss not in self.losses:
+            self.losses.append(loss)
+
+
+CODECS: dict[tuple[str, str], Callable[[Schema], Codec]] = {("protobuf", "protobuf"): Protobuf}
+
+
+def ahead(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
+    """`map` with a second thread that works up to `AHEAD` items ahead of the caller."""
+    with ThreadPoolExecutor(1) as pool:
+        waiting: list[Future[R]] = []
+        for item in items:
+            waiting.append(pool.submit(function, item))
+            if len(waiting) > AHEAD:
+                yield waiting.pop(0).result()
+        for future in waiting:
+            yield future.result()

@@ -1,0 +1,225 @@
+"""Results into a log that is there: whatever is not replaced stays byte for byte.
+
+Chunks that hold nothing of what is replaced are copied as they are, without being read. Only
+their places change, and the summary that tells them.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from roadlog.storage import container, crc, records
+from roadlog.storage.container import RAW, Record, Source, outer_records, walk, word
+from roadlog.storage.reader import LogReader
+from roadlog.storage.records import LOG_TIME, PREFIX, Chunk, Damage, Fields
+from roadlog.storage.table import Table
+from roadlog.storage.writer import Writer, replacing
+
+
+def update_log(
+    path: Path,
+    tables: Iterable[Table],
+    metadata: Mapping[str, Mapping[str, str]],
+    *,
+    drop: Callable[[str], bool],
+    drop_metadata: Callable[[str], bool],
+    out: Path | None = None,
+    in_place: bool = False,
+) -> None:
+    """Replace what `drop` names by `tables` in an existing log; the rest stays byte for byte.
+
+    drop: of topics. drop_metadata: of record names. out: write here and leave `path` as it is.
+    The file is replaced at once or not at all. Raises LogReadError, LogWriteError.
+    """
+    del in_place
+    with LogReader(path) as old:
+        plan = _Plan.of(old, drop, drop_metadata)
+        with replacing(Path(out or path)) as file:
+            _write(plan, old, file, tables, metadata)
+
+
+def _write(
+    plan: _Plan,
+    old: LogReader,
+    file: IO[bytes],
+    tables: Iterable[Table],
+    metadata: Mapping[str, Mapping[str, str]],
+) -> None:
+    writer = Writer(file, crc=plan.start_crc(old.source))
+    plan.execute(writer, old.source)
+    writer.put_tables(tables)
+    for name, values in metadata.items():
+        writer.put_metadata(name, values)
+    writer.finish(with_summary=not plan.has_damage)
+
+
+@dataclass
+class _Plan:
+    """What becomes of the data section of a log.
+
+    steps: in file order, ranges that are kept and chunks that are kept in part. dropped, unused:
+    ids of channels, and of schemas that only these have; inner, inner_unused: of these, the ones
+    that are declared inside chunks only. metadata: offset and name of each kept
+    record. attachments: offset and length. data_end: where the DataEnd record lies, None when the
+    file is cut off; data_crc: what it says. has_damage: a chunk cannot be read; it is kept.
+    """
+
+    contents: container.Contents
+    dropped: set[int]
+    unused: set[int]
+    inner: set[int]
+    inner_unused: set[int]
+    steps: list[tuple[int, int] | Chunk] = field(default_factory=list)
+    metadata: list[tuple[int, int, str]] = field(default_factory=list)
+    attachments: list[tuple[int, int]] = field(default_factory=list)
+    has_damage: bool = False
+    data_end: int | None = None
+    data_crc: int = 0
+
+    @classmethod
+    def of(
+        cls, old: LogReader, drop: Callable[[str], bool], drop_metadata: Callable[[str], bool]
+    ) -> _Plan:
+        """Go through the records outside chunks."""
+        channels = old.contents.channels.values()
+        dropped = {c.id for c in channels if drop(c.topic)}
+        used = {c.schema_id for c in channels if c.id not in dropped}
+        unused = {c.schema_id for c in channels} - used
+        plan = cls(old.contents, dropped, unused, set(dropped), set(unused))
+        plan._keep(0, len(records.MAGIC))
+        chunks = {chunk.offset: chunk for chunk in old.contents.chunks}
+        is_partial = False
+        try:
+            for at in outer_records(old.source):
+                if at.opcode == records.DATA_END:
+                    plan.data_end = at.offset
+                    plan.data_crc = Fields(at.content(old.source)).take("I")
+                    break
+                if at.opcode == records.CHUNK:
+                    chunk = chunks.get(at.offset)
+                    plan.has_damage |= chunk is None
+                    is_partial = chunk is not None and not dropped.isdisjoint(chunk.indexes)
+                    if chunk is not None and is_partial:
+                        plan.steps.append(chunk)
+                        continue
+                if at.opcode == records.MESSAGE_INDEX and is_partial:
+                    continue  # a new one is written
+                if plan._is_kept(at, old.source, drop_metadata):
+                    plan._keep(at.offset, at.end)
+        except Damage:
+            pass  # what is behind was lost before, and the reader said so
+        return plan
+
+    def _is_kept(self, at: Record, source: Source, drop_metadata: Callable[[str], bool]) -> bool:
+        if at.opcode == records.MESSAGE:
+            return Fields(source.read(at.offset + PREFIX.size, 2)).take("H") not in self.dropped
+        if at.opcode == records.CHANNEL:
+            id_ = Fields(at.content(source)).take("H")
+            self.inner.discard(id_)
+            return id_ not in self.dropped
+        if at.opcode == records.SCHEMA:
+            id_ = Fields(at.content(source)).take("H")
+            self.inner_unused.discard(id_)
+            return id_ not in self.unused
+        if at.opcode == records.METADATA:
+            name = Fields(at.content(source)).text()
+            if drop_metadata(name):
+                return False
+            self.metadata.append((at.offset, at.end - at.offset, name))
+        elif at.opcode == records.ATTACHMENT:
+            self.attachments.append((at.offset, at.end - at.offset))
+        return True
+
+    def _keep(self, start: int, end: int) -> None:
+        if self.steps and isinstance(self.steps[-1], tuple) and self.steps[-1][1] == start:
+            start = self.steps.pop()[0]  # type: ignore[index]
+        self.steps.append((start, end))
+
+    def execute(self, writer: Writer, source: Source) -> None:
+        """Write what is kept, and tell the writer what there is."""
+        found = self.contents
+        writer.schemas = {k: s for k, s in found.schemas.items() if k not in self.unused}
+        writer.channels = {k: c for k, c in found.channels.items() if k not in self.dropped}
+        writer.taken, writer.taken_schemas = self.inner, self.inner_unused
+        writer.counts = {k: n for k, n in found.counts.items() if k not in self.dropped}
+        moved: list[tuple[int, int]] = []  # where kept ranges began and begin
+        for step in self.steps:
+            if isinstance(step, Chunk):
+                self._rewrite(step, writer, source)
+                continue
+            moved.append((step[0], writer.offset))
+            writer.copy(source, *step)
+        starts = [start for start, _ in moved]
+
+        def place(offset: int) -> int:
+            start, now = moved[bisect_right(starts, offset) - 1]
+            return offset - start + now
+
+        for chunk in found.chunks:
+            if not self.dropped.isdisjoint(chunk.indexes):
+                continue
+            if chunk.indexes:
+                writer.cover(chunk.start_ns, chunk.end_ns)
+            if chunk.compression != RAW:
+                listed = chunk.indexes.items() if chunk.indexes_length else ()
+                indexes = {id_: place(offset) for id_, offset in listed}
+                writer.chunks.append(replace(chunk, offset=place(chunk.offset), indexes=indexes))
+        for offset, length, name in self.metadata:
+            writer.metadata.append(records.metadata_index(place(offset), length, name))
+        for offset, length in self.attachments:
+            attachment = source.read(offset, length)
+            writer.attachments.append(records.attachment_index(place(offset), attachment))
+
+    def start_crc(self, source: Source) -> int | None:
+        """CRC of the first kept range; None where the file has none."""
+        end = self.first_change
+        if self.data_end is None or end < self.data_end - end:
+            return None if self.data_end and not self.data_crc else container.crc_of(source, 0, end)
+        if not self.data_crc:
+            return None
+        rest = container.crc_of(source, end, self.data_end)
+        return crc.before(self.data_crc, rest, self.data_end - end)
+
+    @property
+    def first_change(self) -> int:
+        """Where the first kept range ends."""
+        first = self.steps[0]
+        assert isinstance(first, tuple)
+        return first[1]
+
+    def _rewrite(self, chunk: Chunk, writer: Writer, source: Source) -> None:
+        """What is left of a chunk without the dropped channels; a few bytes of others may be."""
+        data = container.load(source, chunk)
+        inside = walk(data)
+        kept = ~np.isin(inside.channels, list(self.dropped))
+        others = [data[at.offset : at.end] for at in inside.others if self._stays(at, data)]
+        if not kept.any():
+            for other in others:
+                writer.put(other)
+            return
+        sizes = word(data, inside.offsets, 1, "<i8") + PREFIX.size
+        parts = others + [
+            data[offset : offset + size]
+            for offset, size in zip(
+                inside.offsets[kept].tolist(), sizes[kept].tolist(), strict=True
+            )
+        ]
+        starts = np.cumsum([0, *map(len, parts)])[len(others) : -1]
+        channels, times = inside.channels[kept], word(data, inside.offsets[kept], LOG_TIME, "<u8")
+        index = {
+            int(id_): (times[channels == id_], starts[channels == id_])
+            for id_ in np.unique(channels)
+        }
+        compression = "" if chunk.compression == RAW else chunk.compression
+        writer.put_chunk(b"".join(parts), index, compression)
+
+    def _stays(self, at: Record, data: bytes) -> bool:
+        if at.opcode != records.CHANNEL:
+            return True
+        return Fields(data[at.offset + PREFIX.size : at.end]).take("H") not in self.dropped

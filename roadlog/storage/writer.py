@@ -1,0 +1,296 @@
+"""Tables to MCAP: one channel a chunk, all message records of a channel from one array.
+
+A chunk holds one channel's messages of one minute: who wants one channel reads nothing else, and
+a result is removed by leaving its chunks out. Layout and reasons: docs/format.md.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import IO
+
+import lz4.frame
+import numpy as np
+import zstandard
+from numpy.typing import NDArray
+
+from roadlog.errors import ConfigError, LogWriteError, near
+from roadlog.storage import container, records, schemas
+from roadlog.storage.container import Offsets, Source
+from roadlog.storage.messages import Wire
+from roadlog.storage.records import (
+    MAGIC,
+    PREFIX,
+    ChannelRecord,
+    Chunk,
+    Schema,
+    Statistics,
+    crc32,
+)
+from roadlog.storage.table import Table
+
+WINDOW = 60 * 10**9  # ns of one channel in a chunk, aligned to the epoch
+MAX_CHUNK = 1 << 20  # bytes before compression: what players load at once (Foxglove's advice)
+ZSTD_LEVEL = 1  # faster and, on quantized sensor values, smaller than the default 3
+
+COPY_SIZE = 1 << 26  # bytes handed to the kernel, or read and written, at once
+
+Times = NDArray[np.uint64]
+
+
+@dataclass
+class Writer:
+    """Appends records to a file and keeps what its summary says.
+
+    offset: where the next byte goes. crc: of all bytes before it, None for unknown. taken,
+    taken_schemas: ids that no new channel or schema gets. start_ns, end_ns: first and last log
+    time.
+    """
+
+    file: IO[bytes]
+    compression: str = "zstd"
+    offset: int = 0
+    crc: int | None = 0
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, ChannelRecord] = field(default_factory=dict)
+    chunks: list[Chunk] = field(default_factory=list)
+    counts: dict[int, int] = field(default_factory=dict)
+    metadata: list[bytes] = field(default_factory=list)  # MetadataIndex records
+    attachments: list[bytes] = field(default_factory=list)  # AttachmentIndex records
+    taken: set[int] = field(default_factory=set)
+    taken_schemas: set[int] = field(default_factory=set)
+    start_ns: int | None = None
+    end_ns: int | None = None
+    _compressors: dict[str, Callable[[bytes | memoryview], bytes]] = field(default_factory=dict)
+
+    def put(self, data: bytes) -> None:
+        self.file.write(data)
+        self.offset += len(data)
+        if self.crc is not None:
+            self.crc = crc32(data, self.crc)
+
+    def start(self) -> None:
+        """Magic and Header; no profile, since ours is none of the known ones."""
+        self.put(MAGIC + records.record(records.HEADER, records.text(""), records.text("roadlog")))
+
+    def declare(self, table: Table) -> int:
+        """Write the schema, unless one of the same content is there, and the channel of a table."""
+        data = schemas.descriptor_set(table.schema)
+        schema = next(
+            (s for s in self.schemas.values() if (s.name, s.data) == (table.schema, data)), None
+        )
+        if schema is None:
+            schema = Schema(
+                _free({*self.schemas, *self.taken_schemas}), table.schema, "protobuf", data
+            )
+            self.schemas[schema.id] = schema
+            self.put(schema.pack())
+        metadata = {f"unit.{n}": u for n, u in schemas.units(table.schema).items()}
+        metadata |= table.metadata
+        channel = ChannelRecord(
+            _free({*self.channels, *self.taken}), schema.id, table.topic, "protobuf", metadata
+        )
+        self.channels[channel.id] = channel
+        self.put(channel.pack())
+        return channel.id
+
+    def put_tables(self, tables: Iterable[Table]) -> None:
+        """Write the tables, minute by minute, one after another in each minute."""
+        parts: list[tuple[int, int, Wire, slice]] = []
+        for table in tables:
+            id_ = self.declare(table)
+            parts += [(window, id_, wire, rows) for window, wire, rows in _windows(table, id_)]
+        parts.sort(key=lambda part: part[0])  # stable: tables stay in order
+        for _, id_, wire, rows in parts:
+            found = wire.rows(rows)
+            offsets = np.arange(len(found)) * wire.size
+            data = found.view(np.uint8).data
+            self.put_chunk(data, {id_: (found["log_time"], offsets)}, self.compression)
+
+    def put_chunk(
+        self, data: bytes | memoryview, index: Mapping[int, tuple[Times, Offsets]], compression: str
+    ) -> None:
+        """One chunk of records, with a MessageIndex for each channel: its times and offsets."""
+        compressed = self._compress(compression)(data)
+        start = min(int(times.min()) for times, _ in index.values())
+        end = max(int(times.max()) for times, _ in index.values())
+        self.cover(start, end)
+        offset = self.offset
+        head = struct.pack("<QQQI", start, end, len(data), crc32(data)) + records.text(compression)
+        size = len(head) + 8 + len(compressed)
+        self.put(PREFIX.pack(records.CHUNK, size) + head + struct.pack("<Q", len(compressed)))
+        self.put(compressed)
+        behind = self.offset
+        places = {}
+        for id_, (times, offsets) in index.items():
+            places[id_] = self.offset
+            entries = np.stack([times.astype("<u8"), offsets.astype("<u8")], axis=1)
+            if (times[1:] < times[:-1]).any():
+                entries = entries[np.argsort(times, kind="stable")]
+            head = struct.pack("<HI", id_, entries.nbytes)
+            self.put(records.record(records.MESSAGE_INDEX, head, entries.tobytes()))
+            self.counts[id_] = self.counts.get(id_, 0) + len(times)
+        self.chunks.append(
+            Chunk(
+                start, end, offset, behind - offset, places, self.offset - behind, compression,
+                len(compressed), len(data),
+            )
+        )  # fmt: skip
+
+    def _compress(self, name: str) -> Callable[[bytes | memoryview], bytes]:
+        if name not in self._compressors:
+            self._compressors[name] = compressor(name)
+        return self._compressors[name]
+
+    def copy(self, source: Source, start: int, end: int) -> None:
+        """A range of another file as it is, by the kernel where it can (some share the bytes)."""
+        if self.crc is not None and start:  # the CRC of the first range is known
+            self.crc = container.crc_of(source, start, end, self.crc)
+        self.file.flush()
+        copied = _copy_in_kernel(source.fileno(), self.file.fileno(), start, end)
+        self.file.seek(self.offset + copied)
+        for position in range(start + copied, end, COPY_SIZE):
+            self.file.write(source.read(position, min(COPY_SIZE, end - position)))
+        self.offset += end - start
+
+    def cover(self, start: int, end: int) -> None:
+        """Note the times of messages that the file holds."""
+        self.start_ns = start if self.start_ns is None else min(self.start_ns, start)
+        self.end_ns = end if self.end_ns is None else max(self.end_ns, end)
+
+    def put_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        data = records.metadata_record(name, values)
+        self.metadata.append(records.metadata_index(self.offset, len(data), name))
+        self.put(data)
+
+    def finish(self, with_summary: bool = True) -> None:
+        """DataEnd, summary, Footer."""
+        self.put(records.record(records.DATA_END, struct.pack("<I", self.crc or 0)))
+        if not with_summary:
+            self.put(records.record(records.FOOTER, bytes(20)) + MAGIC)
+            return
+        statistics = Statistics(
+            sum(self.counts.values()), len(self.schemas), len(self.channels),
+            len(self.attachments), len(self.metadata), len(self.chunks),
+            self.start_ns or 0, self.end_ns or 0, self.counts,
+        )  # fmt: skip
+        groups = [
+            [schema.pack() for schema in self.schemas.values()],
+            [channel.pack() for channel in self.channels.values()],
+            [statistics.pack()],
+            [chunk.pack() for chunk in self.chunks],
+            self.attachments,
+            self.metadata,
+        ]
+        start = self.offset
+        summary, offsets = b"", b""
+        for group in filter(None, groups):
+            data = b"".join(group)
+            place = struct.pack("<BQQ", data[0], start + len(summary), len(data))
+            offsets += records.record(records.SUMMARY_OFFSET, place)
+            summary += data
+        footer = PREFIX.pack(records.FOOTER, 20)
+        footer += struct.pack("<QQ", start, start + len(summary))
+        summary += offsets + footer
+        self.put(summary + struct.pack("<I", crc32(summary)) + MAGIC)
+
+
+def _free(used: set[int]) -> int:
+    """The next id; ids are 16 bits and not 0."""
+    highest = max(used, default=0)
+    return highest + 1 if highest < 0xFFFF else min(set(range(1, 0x10000)) - used)
+
+
+def _windows(table: Table, id_: int) -> Iterator[tuple[int, Wire, slice]]:
+    """Rows of a table, cut where a minute ends or a chunk is full."""
+    wire = Wire(table, id_)
+    window = table.time // WINDOW
+    edges = np.flatnonzero(window[1:] != window[:-1]) + 1
+    most = max(1, MAX_CHUNK // wire.size)
+    starts = [0, *edges.tolist(), len(table)]
+    for first, last in pairwise(starts):
+        for start in range(first, last, most):
+            yield int(window[first]), wire, slice(start, min(start + most, last))
+
+
+def compressor(name: str) -> Callable[[bytes | memoryview], bytes]:
+    """Function that compresses a chunk. Raises ConfigError for an unknown name."""
+    if name == "zstd":
+        return zstandard.ZstdCompressor(level=ZSTD_LEVEL).compress
+    if name == "lz4":
+        return lz4.frame.compress
+    if name == "":
+        return bytes
+    raise ConfigError(f"no compression '{name}'. {near(name, ['zstd', 'lz4', 'none'])}")
+
+
+def write_log(
+    path: Path,
+    tables: Iterable[Table],
+    metadata: Mapping[str, Mapping[str, str]],
+    *,
+    compression: str = "zstd",
+) -> None:
+    """Write a new log, whole or not at all. Raises LogWriteError, ConfigError.
+
+    compression: zstd, lz4 or none.
+    """
+    name = "" if compression == "none" else compression
+    compressor(name)
+    with replacing(Path(path)) as file:
+        writer = Writer(file, name)
+        writer.start()
+        writer.put_tables(tables)
+        for key, record in metadata.items():
+            writer.put_metadata(key, record)
+        writer.finish()
+
+
+def _copy_in_kernel(source: int, target: int, start: int, end: int) -> int:
+    """How many bytes were copied; fewer than asked for, or none, where the kernel cannot."""
+    position = start
+    try:
+        while position < end:
+            copied = os.copy_file_range(source, target, min(COPY_SIZE, end - position), position)
+            if not copied:
+                break
+            position += copied
+    except (OSError, AttributeError):
+        pass
+    return position - start
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[IO[bytes]]:
+    """A temporary file beside `path` that takes its place when all went well."""
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+    except OSError as error:
+        raise LogWriteError(f"{path}: cannot be written: {error.strerror}") from error
+    try:
+        with os.fdopen(handle, "wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        Path(name).replace(path)
+        sync_folder(path.parent)
+    except OSError as error:
+        Path(name).unlink(missing_ok=True)
+        raise LogWriteError(f"{path}: cannot be written: {error.strerror}") from error
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def sync_folder(path: Path) -> None:
+    """Make a rename in this folder last."""
+    folder = os.open(path, os.O_RDONLY)
+    os.fsync(folder)
+    os.close(folder)
