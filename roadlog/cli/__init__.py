@@ -51,11 +51,12 @@ def _register() -> None:
     from roadlog.cli.info import info
     from roadlog.cli.ingest import ingest
     from roadlog.cli.profiles import profiles
+    from roadlog.cli.report import report
     from roadlog.cli.reproduce import reproduce
     from roadlog.cli.simulate import scenarios, simulate
     from roadlog.cli.view import view
 
-    using = (ingest, info, estimate, evaluate, view)
+    using = (ingest, info, estimate, evaluate, view, report)
     making = (simulate, scenarios, estimators, reproduce, profiles, demo, doctor)
     for command in (*using, *making):
         app.command()(command)

@@ -1,1 +1,1 @@
-"""Folders of drives: a table and a page."""
+"""Batch over logs: rows, tables, pages. `run` is the whole of it."""

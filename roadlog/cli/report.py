@@ -1,0 +1,260 @@
+"""`roadlog report`: folders of drives to a table and a page."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from roadlog.cli import console
+
+if TYPE_CHECKING:
+    from roadlog.report.batch import Engine
+    from roadlog.report.compare import Comparison
+    from roadlog.report.row import Options
+    from roadlog.report.run import Report
+
+SHOWN_LOSSES = 20  # on stderr; all are in the report
+
+
+def report(
+    out: Annotated[str, typer.Option("-o", "--out", metavar="DIR", help="Folder or URL to fill.")],
+    paths: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="PATH...", help="Logs, folders, globs or URLs (s3://...)."),
+    ] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Option("-e", "--estimator", metavar="NAME", help="Only this one; repeatable."),
+    ] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, help="Processes (default: by cores and memory)."),
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Scheduler of a dask cluster, tcp://head:8786."),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on: skip logs whose row is in DIR.")
+    ] = False,
+    profile: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="Ingest each source with this profile."),
+    ] = None,
+    vehicle: Annotated[
+        Path | None, typer.Option(help="Vehicle file (TOML), instead of the logs' own.")
+    ] = None,
+    write_back: Annotated[
+        bool, typer.Option("--write-back", help="Write the estimates into the logs too.")
+    ] = False,
+    against: Annotated[
+        str | None,
+        typer.Option(metavar="OTHER_DIR", help="Compare with that report; exit 1 when worse."),
+    ] = None,
+    threshold: Annotated[
+        float,
+        typer.Option(metavar="PERCENT", min=0.0, help="What counts as worse, with --against."),
+    ] = 10.0,
+) -> None:
+    """Estimate, evaluate and compare many drives: a table and a page, DIR/index.html.
+
+    Every log gives exactly one row: ok, failed (with the message) or crashed. Rows are written to
+    DIR/rows.jsonl as they come. Without PATH the report that is in DIR is made again from its rows.
+
+    Example: roadlog report drives/ "more/*.mcap" -o report --jobs 4
+    """
+    from roadlog.report import batch, page, run
+    from roadlog.report.run import finish, output_folder, read_report
+
+    page.require()
+    if write_back and profile:
+        raise typer.BadParameter("needs MCAP logs, not --profile", param_hint="--write-back")
+    if jobs is not None and cluster:
+        raise typer.BadParameter("is for this machine, not for --cluster", param_hint="--jobs")
+    if against:
+        read_report(against)  # a wrong name should not show after hours of work
+    options = _options(names, vehicle, profile, write_back)
+    if not paths:
+        with output_folder(out, fetch=True) as folder:
+            rows = list(read_report(str(folder)).values())
+            made = finish(rows, options, folder, against=against or "", threshold=threshold / 100)
+        _end(made, out)
+        return
+
+    from roadlog.report.sources import LOG_SUFFIXES, SOURCE_SUFFIXES, find
+
+    sources = find(paths, SOURCE_SUFFIXES if profile else LOG_SUFFIXES)
+
+    def engine() -> Engine:
+        if cluster:
+            return batch.cluster_engine(cluster, console.complain)
+        return batch.local_engine(min(jobs or batch.default_jobs(), len(sources)))
+
+    finished = 0
+    try:
+        with output_folder(out, fetch=resume) as folder, _progress(len(sources)) as tell:
+
+            def progress(row: dict[str, Any]) -> None:
+                nonlocal finished
+                finished += 1
+                tell(row)
+
+            def begun(done: int, _todo: int) -> None:
+                nonlocal finished
+                finished = done
+                tell(None, done)
+
+            rows, before = run.run(
+                sources, options, folder, engine, resume=resume, begun=begun, progress=progress
+            )
+            made = finish(
+                rows,
+                options,
+                folder,
+                against=against or "",
+                threshold=threshold / 100,
+                done_before=before,
+            )
+    except KeyboardInterrupt:
+        console.complain(
+            f"stopped: {finished} of {len(sources)} logs are done; --resume goes on with the rest"
+        )
+        raise typer.Exit(130) from None
+    _end(made, out)
+
+
+def _options(
+    names: list[str] | None, vehicle: Path | None, profile: str | None, write_back: bool
+) -> Options:
+    """Checked here, once, and not on every log."""
+    from roadlog import estimators
+    from roadlog.ingest.profile import Profile
+    from roadlog.report.row import Options
+    from roadlog.vehicle import Vehicle
+
+    chosen = tuple(dict.fromkeys(estimators.get(name).name for name in names or []))
+    given = Vehicle.load(vehicle).to_toml() if vehicle else ""
+    meaning = Profile.load(profile) if profile else None
+    return Options(
+        chosen,
+        given,
+        meaning.text if meaning else "",
+        meaning.name if meaning else "",
+        write_back,
+    )
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[..., None]]:
+    """A function to call with each row; shows a bar with rate and remaining time on a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda _row, _count=1: None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    failed = 0
+    bar = Progress(
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[failed]}"),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    with bar:
+        task = bar.add_task("", total=total, rate="", failed="")
+
+        def tell(row: dict[str, Any] | None, count: int = 1) -> None:
+            nonlocal failed
+            failed += row is not None and row["status"] != "ok"
+            bar.advance(task, count)
+            speed = bar.tasks[0].speed
+            bar.update(
+                task,
+                rate=f"{speed:.2g} logs/s" if speed else "",
+                failed=f"{failed} failed" if failed else "",
+            )
+
+        yield tell
+
+
+def _end(made: Report, out: str) -> None:
+    """Say what came of it; exit code 1 when worse than before, 3 when logs failed."""
+    from roadlog.report.page import ranking
+
+    _print_ranking(ranking(made.rows))
+    counts = {
+        status: sum(row["status"] == status for row in made.rows)
+        for status in ("ok", "failed", "crashed")
+    }
+    before = f", {made.done_before} of them done before" if made.done_before else ""
+    console.say(
+        f"{len(made.rows)} logs{before}: "
+        + ", ".join(f"{count} {status}" for status, count in counts.items())
+    )
+    if len(made.profile):
+        console.say(
+            f"road profile: {made.profile.length / 1000:.1f} km from {made.profile.drives} drives"
+        )
+    console.say(f"{out.rstrip('/')}/index.html")
+    losses = [
+        f"{row['log']}: {row['message'] if row['status'] != 'ok' else loss}"
+        for row in made.rows
+        for loss in (row["losses"] if row["status"] == "ok" else [""])
+    ]
+    if made.comparison is not None:
+        _print_comparison(made.comparison)
+    for loss in losses[:SHOWN_LOSSES]:
+        console.complain(f"warning: {loss}")
+    if len(losses) > SHOWN_LOSSES:
+        console.complain(f"warning: {len(losses) - SHOWN_LOSSES} more, see the report")
+    if made.comparison is not None and made.comparison.worse:
+        raise typer.Exit(1)
+    if losses:
+        raise typer.Exit(console.LOSS)
+
+
+def _print_ranking(ranked: dict[str, list[dict[str, Any]]]) -> None:
+    rows = [
+        [
+            angle,
+            entry["estimator"],
+            str(entry["logs"]),
+            console.figure(entry["rmse"][2]),
+            console.figure(entry["rmse"][4]),
+            "-" if entry["inside"] is None else f"{100 * entry['inside']:.1f} %",
+            "-" if entry["valid"] is None else f"{100 * entry['valid']:.1f} %",
+        ]
+        for angle, entries in ranked.items()
+        for entry in entries
+    ]
+    if rows:
+        columns = ["angle", "estimator", "logs", "RMSE median", "RMSE 95 %", "in 2 sd", "valid"]
+        console.print_table(columns, rows, "errors in degrees, over all logs", left=2)
+
+
+def _print_comparison(comparison: Comparison) -> None:
+    console.say(
+        f"against {comparison.other}: {comparison.compared} RMSEs of {comparison.logs} logs "
+        f"compared, {comparison.better} better, {comparison.worse} worse"
+    )
+    shown = [change for change in comparison.changes if change.worse][:SHOWN_LOSSES]
+    for change in shown:
+        what = f"{change.estimator} {change.angle}: " if change.estimator else ""
+        console.complain(f"worse: {change.name}: {what}{change.text}")

@@ -1,0 +1,122 @@
+"""The data of one log's page: curves, errors, histograms, track and events, thinned."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roadlog.drive import Drive
+from roadlog.log import AngleTrack
+from roadlog.metrics import AngleErrors
+from roadlog.types import Floats
+
+BUCKETS = 250  # of time; each gives a curve two points, its smallest and its largest value
+HISTOGRAM_LIMIT = 3.0  # deg; what is beyond counts in the outermost bins
+HISTOGRAM_STEP = 0.1  # deg
+MAX_EVENTS = 200
+ANGLE_DIGITS = 3  # of degrees
+POSITION_DIGITS = 6  # of degrees: 0.1 m
+
+
+class Detail:
+    """What a detail page shows of one log; estimates are added one by one and not kept."""
+
+    def __init__(self, drive: Drive, truth: AngleTrack | None) -> None:
+        self.start_ns = drive.start_ns
+        end = max(float(drive.time[-1]), drive.dt)
+        self.edges: Floats = np.linspace(0.0, end, BUCKETS + 1)
+        half = end / BUCKETS / 2
+        self.time: Floats = np.multiply(np.arange(2 * BUCKETS) + 0.5, half)
+        self.curves: dict[str, dict[str, list]] = {}
+        self.errors: dict[str, dict[str, list]] = {}
+        self.histograms: dict[str, dict[str, list[int]]] = {}
+        self.events: list[dict[str, Any]] = []
+        self.track = self._track(drive)
+        if truth is not None:
+            time = np.multiply(truth.time - self.start_ns, 1e-9)
+            for angle, values in truth.angles.items():
+                shown = np.degrees(np.where(truth.valid, values, np.nan))
+                self.curves.setdefault(angle, {})["truth"] = self._thin(time, shown)
+            self._truth_start = float(time[0])
+
+    def add(self, name: str, angle: str, track: AngleTrack, errors: AngleErrors | None) -> None:
+        """One angle of one estimator, and its errors where there is a truth."""
+        time = np.multiply(track.time - self.start_ns, 1e-9)
+        values = np.degrees(np.where(track.valid, track.angles[angle], np.nan))
+        self.curves.setdefault(angle, {})[name] = self._thin(time, values)
+        if errors is None or not errors.valid.any():
+            return
+        wrong = np.degrees(np.where(errors.valid, errors.error, np.nan))
+        thinned = self._thin(errors.time + self._truth_start, wrong)
+        self.errors.setdefault(angle, {})[name] = thinned
+        bins = np.arange(-HISTOGRAM_LIMIT, HISTOGRAM_LIMIT + HISTOGRAM_STEP / 2, HISTOGRAM_STEP)
+        inner = np.nextafter(HISTOGRAM_LIMIT, 0)
+        counts, _ = np.histogram(np.clip(wrong[errors.valid], -inner, inner), bins)
+        self.histograms.setdefault(angle, {})[name] = counts.tolist()
+
+    def add_events(self, name: str, time: Floats, columns: Mapping[str, NDArray]) -> None:
+        """A channel of events as a table."""
+        rows = np.column_stack([time, *(np.asarray(c, np.float64) for c in columns.values())])
+        self.events.append(
+            {
+                "estimator": name,
+                "columns": ["time", *columns],
+                "rows": [_numbers(row, 5) for row in rows[:MAX_EVENTS]],
+                "left_out": max(0, len(rows) - MAX_EVENTS),
+            }
+        )
+
+    def to_json(self, row: Mapping[str, Any]) -> str:
+        """The page's data with the log's row, as JSON that may stand in a script element."""
+        data = {
+            "row": row,
+            "time": _numbers(self.time, 3),
+            "curves": self.curves,
+            "errors": self.errors,
+            "histograms": self.histograms,
+            "histogram": {"limit": HISTOGRAM_LIMIT, "step": HISTOGRAM_STEP},
+            "track": self.track,
+            "events": self.events,
+        }
+        return script_json(data)
+
+    def _thin(self, time: Floats, values: Floats) -> list[float | None]:
+        """Two values a bucket, in the order in which they come; null where nothing is known."""
+        cuts = np.searchsorted(time, self.edges)
+        first, last = cuts[:-1], cuts[1:]
+        some = np.flatnonzero(last > first)
+        pairs = np.full((BUCKETS, 2), np.nan)
+        if len(some):
+            inside = values[: last[some[-1]]]
+            starts = first[some]
+            pairs[some, 0] = np.fmin.reduceat(inside, starts)
+            pairs[some, 1] = np.fmax.reduceat(inside, starts)
+            falls = some[values[starts] > values[last[some] - 1]]
+            pairs[falls] = pairs[falls, ::-1]
+        return _numbers(pairs.ravel(), ANGLE_DIGITS)
+
+    def _track(self, drive: Drive) -> dict[str, list] | None:
+        if "gnss.latitude" not in drive or "gnss.longitude" not in drive:
+            return None
+        track = {}
+        for axis in ("latitude", "longitude"):
+            samples = drive.native["gnss"]
+            values = samples.columns[axis]
+            known = np.isfinite(values)
+            at = np.interp(self.time, samples.time[known], values[known], left=np.nan, right=np.nan)
+            track[axis] = _numbers(at, POSITION_DIGITS)
+        return track
+
+
+def script_json(value: Any) -> str:
+    """JSON that cannot end the script element it stands in, whatever a log's texts say."""
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _numbers(values: Floats, digits: int) -> list[float | None]:
+    return [None if value != value else value for value in np.round(values, digits).tolist()]

@@ -1,0 +1,274 @@
+"""The pages of a report: one index, one page a log; offline, one shared plotly script."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from roadlog.errors import MissingExtraError
+from roadlog.report.detail import script_json
+from roadlog.report.row import STATUSES, Options
+from roadlog.report.table import Row
+from roadlog.signals import ANGLES
+from roadlog.version import __version__
+
+if TYPE_CHECKING:
+    from roadlog.report.compare import Comparison
+    from roadlog.report.profile import RoadProfile
+
+INDEX = "index.html"
+ASSETS = "assets"
+PAGE_LOGS = 20_000  # that the index holds; of more, what failed and the worst
+MAP_POINTS = 4000  # of the road profile; the table has them all
+SHOWN_CHANGES = 200
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)  # of a ranking's RMSEs
+FIGURES = {"rmse": "rmse_deg", "bias": "bias_deg", "inside": "within_2sd", "valid": "valid_share"}
+
+
+def require() -> None:
+    """Raises MissingExtraError when pages cannot be made here."""
+    try:
+        import jinja2  # noqa: F401
+        import plotly  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError("roadlog report", "report") from error
+
+
+def write_assets(folder: Path) -> None:
+    """What the pages share: plotly, style and scripts."""
+    from plotly.offline import get_plotlyjs
+
+    assets = folder / ASSETS
+    assets.mkdir(exist_ok=True)
+    (assets / "plotly.min.js").write_text(get_plotlyjs(), encoding="utf-8")
+    for name in ("report.css", "common.js", "detail.js"):
+        (assets / name).write_text(_text(name), encoding="utf-8")
+
+
+def detail_page(name: str, data: str) -> str:
+    """The page of one log from the data that its worker sent."""
+    return _template("detail.html.j2").render(title=_unicode(name), data=data)
+
+
+def ranking(rows: Sequence[Row]) -> dict[str, list[dict[str, Any]]]:
+    """angle -> estimators, the one with the smallest median RMSE first."""
+    result: dict[str, list[dict[str, Any]]] = {}
+    pairs = {(e, a) for row in rows for e, angles in row["angles"].items() for a in angles}
+    for estimator, angle in sorted(pairs):
+        found = [f for row in rows if (f := row["angles"].get(estimator, {}).get(angle))]
+
+        def known(name: str, found: list[dict] = found) -> list[float]:
+            return [v for f in found if (v := f.get(name)) is not None]
+
+        rmse, inside, valid = (known(FIGURES[n]) for n in ("rmse", "inside", "valid"))
+        entry = {
+            "estimator": estimator,
+            "logs": len(found),
+            "rmse": [float(q) for q in np.quantile(rmse, QUANTILES)] if rmse else [None] * 5,
+            "inside": float(np.mean(inside)) if inside else None,
+            "valid": float(np.mean(valid)) if valid else None,
+        }
+        result.setdefault(angle, []).append(entry)
+    for entries in result.values():
+        entries.sort(key=lambda e: (e["rmse"][2] is None, e["rmse"][2], -(e["valid"] or 0)))
+    return {angle: result[angle] for angle in ANGLES if angle in result}
+
+
+def write_index(
+    folder: Path,
+    rows: Sequence[Row],
+    options: Options,
+    profile: RoadProfile | None = None,
+    comparison: Comparison | None = None,
+) -> None:
+    """`index.html` over all rows, replaced at once."""
+    ranked = ranking(rows)
+    shown = _shown(rows, ranked)
+    data = _data(shown, ranked, len(rows) - len(shown))
+    stretches = None
+    if profile is not None and len(profile):
+        data["roads_map"], stretches = _road_map(profile)
+    page = _template("index.html.j2").render(
+        made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        version=__version__,
+        css=_text("report.css"),
+        common=_text("common.js"),
+        script=_text("index.js"),
+        facts=_facts(rows),
+        left_out=len(rows) - len(shown),
+        shown=len(shown),
+        total=len(rows),
+        stretches=stretches,
+        comparison=_comparison(comparison) if comparison is not None else None,
+        versions=_versions(options),
+        parameters=_parameters(rows),
+        data=script_json(data),
+    )
+    part = folder / f".{INDEX}.part"
+    part.write_text(page, encoding="utf-8", errors="replace")
+    part.replace(folder / INDEX)
+
+
+def _shown(rows: Sequence[Row], ranked: Mapping[str, list]) -> Sequence[Row]:
+    if len(rows) <= PAGE_LOGS:
+        return rows
+    angle = next(iter(ranked), "")
+    best = ranked[angle][0]["estimator"] if angle else ""
+
+    def badness(row: Row) -> tuple[int, float]:
+        rmse = row["angles"].get(best, {}).get(angle, {}).get("rmse_deg")
+        return STATUSES.index(row["status"]), -1.0 if rmse is None else rmse
+
+    return sorted(rows, key=badness, reverse=True)[:PAGE_LOGS]
+
+
+def _data(rows: Sequence[Row], ranked: Mapping[str, list], left_out: int) -> dict[str, Any]:
+    """The index's data, column by column: texts that repeat are numbers into a list."""
+    vehicles = sorted({_unicode(row["vehicle"]) for row in rows})
+    roads = sorted({_unicode(row["road"]) for row in rows})
+    vehicle_of = {name: k for k, name in enumerate(vehicles)}
+    road_of = {name: k for k, name in enumerate(roads)}
+    logs = {
+        "name": [_unicode(row["name"]) for row in rows],
+        "log": [_unicode(row["log"]) for row in rows],
+        "detail": [row["detail"] for row in rows],
+        "status": [STATUSES.index(row["status"]) for row in rows],
+        "message": [_unicode(row["message"]) for row in rows],
+        "vehicle": [vehicle_of[_unicode(row["vehicle"])] for row in rows],
+        "road": [road_of[_unicode(row["road"])] for row in rows],
+        "duration": [row["duration_s"] for row in rows],
+        "distance": [_scaled(row["distance_m"], 1e-3) for row in rows],
+        "seconds": [row["seconds"].get("total") for row in rows],
+        "warnings": [len(row["warnings"]) + len(row["losses"]) for row in rows],
+    }
+    metrics = []
+    for angle, entries in ranked.items():
+        for entry in entries:
+            found = [row["angles"].get(entry["estimator"], {}).get(angle, {}) for row in rows]
+            columns = {
+                short: [_short(figures.get(name)) for figures in found]
+                for short, name in FIGURES.items()
+            }
+            metrics.append({"estimator": entry["estimator"], "angle": angle, **columns})
+    return {
+        "logs": logs,
+        "vehicles": vehicles,
+        "roads": roads,
+        "metrics": metrics,
+        "ranking": ranked,
+        "left_out": left_out,
+    }
+
+
+def _road_map(profile: RoadProfile) -> tuple[dict[str, Any], dict[str, Any]]:
+    every = -(-len(profile) // MAP_POINTS)
+    latitude, longitude = profile.latitude[::every], profile.longitude[::every]
+    percent, sd = 100 * np.tan(profile.grade[::every]), np.degrees(profile.sd[::every])
+    stretch, passes = profile.stretch[::every], profile.passes[::every]
+    text = [
+        f"stretch {k}: {g:+.1f} %, sd {s:.3f} deg, {n} passes"
+        for k, g, s, n in zip(stretch, percent, sd, passes, strict=True)
+    ]
+    points = {
+        "latitude": np.round(latitude, 6).tolist(),
+        "longitude": np.round(longitude, 6).tolist(),
+        "grade": np.round(percent, 2).tolist(),
+        "text": text,
+        "ratio": float(1 / np.cos(np.radians(latitude.mean()))),
+    }
+    about = {
+        "length_km": f"{profile.length / 1000:.1f}",
+        "count": len(np.unique(profile.stretch)),
+        "passes": profile.drives,
+        "thinned": every if every > 1 else 0,
+    }
+    return points, about
+
+
+def _facts(rows: Sequence[Row]) -> list[tuple[str, str, str]]:
+    counts = {status: sum(row["status"] == status for row in rows) for status in STATUSES}
+    hours = sum(row["duration_s"] or 0.0 for row in rows) / 3600
+    km = sum(row["distance_m"] or 0.0 for row in rows) / 1000
+    facts = [(f"{len(rows)}", "logs", "")]
+    facts += [
+        (f"{n}", status, "bad" if n and status != "ok" else "") for status, n in counts.items()
+    ]
+    return [*facts, (f"{hours:.1f}", "hours", ""), (f"{km:.1f}", "km", "")]
+
+
+def _comparison(comparison: Comparison) -> dict[str, Any]:
+    changes = comparison.changes[:SHOWN_CHANGES]
+    return {
+        "other": comparison.other,
+        "logs": comparison.logs,
+        "compared": comparison.compared,
+        "better": comparison.better,
+        "worse": comparison.worse,
+        "threshold": f"{100 * comparison.threshold:g}",
+        "changes": [
+            {**asdict(c), "before": _degrees(c.before), "now": _degrees(c.now)} for c in changes
+        ],
+        "left_out": len(comparison.changes) - len(changes),
+    }
+
+
+def _versions(options: Options) -> list[tuple[str, str]]:
+    from importlib.metadata import version
+
+    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "numba", "mcap"))
+    return [
+        ("roadlog", __version__),
+        ("Python", platform.python_version()),
+        ("packages", packages),
+        ("estimators", ", ".join(options.estimators) or "all that can run"),
+        ("profile", options.profile_name or "none"),
+        ("vehicle file", "given" if options.vehicle else "the logs' own"),
+        ("key of the parameters", options.digest),
+    ]
+
+
+def _parameters(rows: Sequence[Row]) -> str:
+    """The estimators' parameters as they were, by name."""
+    from roadlog import estimators
+
+    names = sorted({name for row in rows for name in row["estimators"]})
+    values = {name: asdict(estimators.get(name).configure({})) for name in names}
+    return json.dumps(values, indent=1, default=str)
+
+
+@cache
+def _template(name: str) -> Any:
+    from jinja2 import Environment
+
+    return Environment(autoescape=True).from_string(_text(name))
+
+
+@cache
+def _text(name: str) -> str:
+    return files("roadlog.report").joinpath("templates", name).read_text("utf-8")
+
+
+def _unicode(text: str) -> str:
+    """A file name need not be Unicode; a page must be."""
+    return text.encode("utf-8", "replace").decode()
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else round(value * factor, 3)
+
+
+def _short(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.4g}")
+
+
+def _degrees(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3f}"

@@ -1,0 +1,202 @@
+"""A report from beginning to end: rows as they come, tables and pages at the end."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from roadlog.errors import LogReadError, LogWriteError
+from roadlog.report import page, table
+from roadlog.report.batch import Engine, Outcome, WorkerDiedError, map_logs
+from roadlog.report.compare import Comparison, compare
+from roadlog.report.profile import Pass, RoadMerger, RoadProfile
+from roadlog.report.row import (
+    LogResult,
+    Options,
+    detail_name,
+    key_of,
+    lost_row,
+    run_log,
+)
+from roadlog.report.sources import Source, download_report, is_remote, upload_report
+from roadlog.report.table import Row
+
+DETAILS = "details"
+PASSES = "passes"
+ROAD_PROFILE = "road_profile.parquet"
+
+
+@dataclass(frozen=True)
+class Report:
+    """What came of a report. rows: one a log. done_before: of them, taken from an earlier run."""
+
+    rows: list[Row]
+    done_before: int
+    profile: RoadProfile
+    comparison: Comparison | None
+
+
+@contextmanager
+def output_folder(out: str, fetch: bool) -> Iterator[Path]:
+    """The folder to write a report into; one that stands for a URL is uploaded at the end.
+
+    fetch: begin with what an earlier run left there. Raises LogWriteError.
+    """
+    if not is_remote(out):
+        try:
+            for name in ("", DETAILS, PASSES):
+                (Path(out) / name).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise LogWriteError(f"{out}: cannot be made a folder: {error.strerror}") from error
+        yield Path(out)
+        return
+    with tempfile.TemporaryDirectory(prefix="roadlog-report-") as name:
+        folder = Path(name)
+        if fetch:
+            download_report(out, folder)
+        for below in (DETAILS, PASSES):
+            (folder / below).mkdir(exist_ok=True)
+        try:
+            yield folder
+        finally:  # the rows of an interrupted run too
+            upload_report(folder, out)
+
+
+def run(
+    sources: Sequence[Source],
+    options: Options,
+    folder: Path,
+    engine: Callable[[], Engine],
+    *,
+    resume: bool = False,
+    begun: Callable[[int, int], None] = lambda _done, _todo: None,
+    progress: Callable[[Row], None] = lambda _: None,
+) -> tuple[list[Row], int]:
+    """Work on every log that is not done yet: its row in order of the sources, and how many were.
+
+    resume: keep the rows of an earlier run whose log, parameters and version are the same. begun
+    and progress tell of it. Raises LogWriteError, and what `engine` raises.
+    """
+    done = _kept(folder, sources, options) if resume else {}
+    todo = [source for source in sources if source.url not in done]
+    begun(len(done), len(todo))
+    rows = dict(done)
+    try:
+        _forget(folder, keep=done)
+        if todo:
+            for row in _work(todo, options, folder, engine()):
+                rows[row["log"]] = row
+                progress(row)
+    except OSError as error:
+        raise LogWriteError(f"{error.filename or folder}: {error.strerror}") from error
+    return [rows[source.url] for source in sources], len(done)
+
+
+def finish(
+    rows: list[Row],
+    options: Options,
+    folder: Path,
+    *,
+    against: str = "",
+    threshold: float = 0.0,
+    done_before: int = 0,
+) -> Report:
+    """Tables, road profile and index page of a report whose rows are there.
+
+    against: folder or URL of another report. Raises LogReadError, LogWriteError.
+    """
+    comparison = compare(rows, read_report(against), against, threshold) if against else None
+    try:
+        table.write_tables(folder, rows)
+        profile = _merge_passes(folder, rows)
+        profile.write(folder / ROAD_PROFILE)
+        if comparison is not None:
+            comparison.write(folder)
+        page.write_assets(folder)
+        page.write_index(folder, rows, options, profile, comparison)
+    except OSError as error:
+        raise LogWriteError(f"{error.filename or folder}: {error.strerror}") from error
+    return Report(rows, done_before, profile, comparison)
+
+
+def read_report(where: str) -> dict[str, Row]:
+    """Rows of a finished report by log. Raises LogReadError when there is none."""
+    if is_remote(where):
+        with tempfile.TemporaryDirectory(prefix="roadlog-report-") as name:
+            download_report(where, Path(name), only=(table.ROWS,))
+            rows = table.read_rows(Path(name))
+    else:
+        rows = table.read_rows(Path(where))
+    if not rows:
+        raise LogReadError(f"{where}: holds no report (no {table.ROWS})")
+    return rows
+
+
+def _work(todo: Sequence[Source], options: Options, folder: Path, engine: Engine) -> Iterator[Row]:
+    """Rows as they come, each with its page and pass on disk before it is."""
+    try:
+        outcomes = map_logs(
+            partial(run_log, options=options), todo, engine.executor, engine.window, engine.idle
+        )
+        with closing(outcomes), (folder / table.ROWS).open("a", encoding="utf-8") as file:
+            for outcome in outcomes:
+                result = _result(outcome, options)
+                stem = detail_name(outcome.item.url)
+                if result.detail:
+                    text = page.detail_page(outcome.item.name, result.detail)
+                    path = folder / DETAILS / f"{stem}.html"
+                    path.write_text(text, encoding="utf-8", errors="replace")
+                if result.passes:
+                    (folder / PASSES / f"{stem}.npz").write_bytes(result.passes)
+                table.write_row(file, result.row)
+                yield result.row
+    finally:
+        engine.close()
+
+
+def _result(outcome: Outcome[Source, LogResult], options: Options) -> LogResult:
+    if outcome.result is not None:
+        return outcome.result
+    error = outcome.error or RuntimeError("no result")
+    status = "crashed" if isinstance(error, WorkerDiedError) else "failed"
+    return LogResult(lost_row(outcome.item, options, status, error))
+
+
+def _kept(folder: Path, sources: Sequence[Source], options: Options) -> dict[str, Row]:
+    """Rows of an earlier run that would come out the same."""
+    rows = table.read_rows(folder)
+    keys = {source.url: key_of(source, options) for source in sources}
+    return {url: row for url, row in rows.items() if row["key"] == keys.get(url)}
+
+
+def _forget(folder: Path, keep: dict[str, Row]) -> None:
+    """Take away what an earlier run left of logs that are not kept."""
+    try:
+        old = table.read_rows(folder)
+    except LogReadError:
+        old = {}
+    if len(old) == len(keep) and (folder / table.ROWS).exists():
+        return
+    part = folder / f".{table.ROWS}.part"
+    with part.open("w", encoding="utf-8") as file:
+        for row in keep.values():
+            file.write(json.dumps(row, separators=(",", ":")) + "\n")
+    part.replace(folder / table.ROWS)
+    for url in old.keys() - keep.keys():
+        (folder / DETAILS / f"{detail_name(url)}.html").unlink(missing_ok=True)
+        (folder / PASSES / f"{detail_name(url)}.npz").unlink(missing_ok=True)
+
+
+def _merge_passes(folder: Path, rows: Sequence[Row]) -> RoadProfile:
+    """Every pass of the report's logs, in the order of their paths."""
+    merger = RoadMerger()
+    for row in rows:
+        path = folder / PASSES / f"{detail_name(row['log'])}.npz"
+        if path.exists():
+            merger.add(Pass.from_bytes(path.read_bytes()))
+    return merger.profile()

@@ -1,0 +1,199 @@
+"""Which logs a report is over: folders, globs and object-store URLs."""
+
+from __future__ import annotations
+
+import glob
+import os
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from roadlog.errors import LogReadError, LogWriteError, MissingExtraError, near
+
+LOG_SUFFIXES = (".mcap",)
+# with a profile: whatever `roadlog ingest` reads
+SOURCE_SUFFIXES = (".mcap", ".csv", ".txt", ".mf4", ".mdf", ".dat", ".blf", ".asc", ".log", ".trc")
+SOURCE_FOLDERS = ("processed_log", "global_pose")  # a folder that holds one of these is one drive
+
+TRIES = 3  # of a transfer from or to an object store
+FIRST_WAIT = 0.5  # s before the second try, doubled for each further one
+
+
+@dataclass(frozen=True)
+class Source:
+    """One log.
+
+    url: local path or URL. name: the same relative to the PATH under which it was found. size:
+    bytes. stamp: the store's etag, or the time of modification in ns.
+    """
+
+    url: str
+    name: str
+    size: int
+    stamp: str
+
+
+def is_remote(path: str | Path) -> bool:
+    """Whether a path names an object store (or anything else of fsspec's) and not a local file."""
+    return "://" in str(path)
+
+
+def find(paths: Iterable[str], suffixes: Sequence[str] = LOG_SUFFIXES) -> list[Source]:
+    """Every log under the given files, folders, globs and URLs, once each, in order of its path.
+
+    Raises LogReadError when a path does not exist or there is no log at all.
+    """
+    paths = list(paths)
+    found: dict[str, Source] = {}
+    for path in paths:
+        for source in _remote(path, suffixes) if is_remote(path) else _local(path, suffixes):
+            found.setdefault(source.url, source)
+    if not found:
+        kinds = ", ".join(f"*{suffix}" for suffix in suffixes)
+        raise LogReadError(f"{', '.join(paths)}: holds no log ({kinds})")
+    return [found[url] for url in sorted(found)]
+
+
+@contextmanager
+def local_copy(source: Source) -> Iterator[Path]:
+    """The log as a local file: itself, or a download that is gone afterwards."""
+    if not is_remote(source.url):
+        yield Path(source.url)
+        return
+    store, key = _store(source.url)
+    with tempfile.TemporaryDirectory(prefix="roadlog-") as folder:
+        path = Path(folder) / f"log{PurePosixPath(source.url).suffix}"
+        _patiently(lambda: store.get_file(key, str(path)), source.url, LogReadError)
+        yield path
+
+
+def put_back(source: Source, path: Path) -> Source:
+    """Store what `local_copy` gave and was changed; the source as it is now."""
+    if not is_remote(source.url):
+        status = path.stat()
+        return replace(source, size=status.st_size, stamp=str(status.st_mtime_ns))
+    store, key = _store(source.url)
+    _patiently(lambda: store.put_file(str(path), key), source.url, LogWriteError)
+    store.invalidate_cache()
+    return _from_info(source.url, source.name, store.info(key))
+
+
+def _local(path: str, suffixes: Sequence[str]) -> Iterator[Source]:
+    if not Path(path).exists():  # a name with brackets in it is a name first, then a pattern
+        matches = sorted(glob.glob(path, recursive=True)) if glob.has_magic(path) else []  # noqa: PTH207
+        if not matches:
+            parent = Path(path).parent
+            siblings = [p.name for p in parent.iterdir()] if parent.is_dir() else []
+            hint = near(Path(path).name, siblings) if not glob.has_magic(path) else ""
+            raise LogReadError(f"{path}: no such file or folder. {hint}".rstrip())
+        for match in matches:
+            if Path(match).is_dir() or match.lower().endswith(tuple(suffixes)):
+                yield from _local(match, suffixes)
+        return
+    root = Path(path)
+    for file in _walk(root, suffixes) if root.is_dir() else [root]:
+        try:
+            status = file.stat()
+        except OSError as error:  # a link to nowhere is a log that cannot be read
+            name = file.relative_to(root).as_posix()
+            yield Source(str(file), name, 0, error.strerror or "unreadable")
+            continue
+        name = file.relative_to(root).as_posix() if file != root else file.name
+        yield Source(str(file), name, status.st_size, str(status.st_mtime_ns))
+
+
+def _walk(root: Path, suffixes: Sequence[str]) -> Iterator[Path]:
+    """Log files under a folder; hidden ones are somebody's temporary files."""
+    for folder, below, files in os.walk(root):
+        if suffixes is not LOG_SUFFIXES and any(name in below for name in SOURCE_FOLDERS):
+            below.clear()
+            yield Path(folder)
+            continue
+        below[:] = sorted(name for name in below if not name.startswith("."))
+        for name in sorted(files):
+            if name.lower().endswith(tuple(suffixes)) and not name.startswith("."):
+                yield Path(folder) / name
+
+
+def _remote(url: str, suffixes: Sequence[str]) -> Iterator[Source]:
+    store, key = _store(url)
+    scheme = url.partition("://")[0]
+
+    def listed() -> dict[str, dict[str, Any]]:
+        if glob.has_magic(key):
+            return store.glob(key, detail=True)
+        if store.isfile(key):
+            return {key: store.info(key)}
+        return store.find(key, detail=True)
+
+    entries = _patiently(listed, url, LogReadError)
+    if not entries:
+        raise LogReadError(f"{url}: nothing is there")
+    root = PurePosixPath(key)
+    for path, info in sorted(entries.items()):
+        if info.get("type") == "directory" or not path.lower().endswith(tuple(suffixes)):
+            continue
+        inside = PurePosixPath(path)
+        below = inside != root and inside.is_relative_to(root)
+        name = str(inside.relative_to(root)) if below else inside.name
+        yield _from_info(f"{scheme}://{path}", name, info)
+
+
+def _from_info(url: str, name: str, info: dict[str, Any]) -> Source:
+    keys = ("ETag", "etag", "LastModified", "last_modified", "updated", "mtime")
+    stamp = next((str(info[key]).strip('"') for key in keys if info.get(key)), "")
+    return Source(url, name, int(info.get("size") or 0), stamp)
+
+
+def _store(url: str) -> tuple[Any, str]:
+    """File system of a URL and the path in it. Raises MissingExtraError, LogReadError."""
+    try:
+        from fsspec.core import url_to_fs
+
+        store, key = url_to_fs(url)
+    except ImportError as error:
+        raise MissingExtraError(f"reading {url.partition('://')[0]}://", "cloud") from error
+    except ValueError as error:
+        raise LogReadError(f"{url}: {error}") from error
+    return store, key
+
+
+def _patiently(transfer: Any, url: str, failure: type[Exception]) -> Any:
+    """Do a transfer, again after a while when the network fails."""
+    for attempt in range(TRIES):
+        try:
+            return transfer()
+        except (FileNotFoundError, PermissionError) as error:
+            raise failure(f"{url}: {error.strerror or error}") from error
+        except Exception as error:  # each store has its own tree of errors
+            if attempt == TRIES - 1:
+                raise failure(f"{url}: {type(error).__name__}: {error}") from error
+            time.sleep(FIRST_WAIT * 2**attempt)
+    raise AssertionError("unreachable")
+
+
+def upload_report(folder: Path, url: str) -> None:
+    """Put a finished folder under a URL, pages last. Raises LogWriteError."""
+    store, key = _store(url)
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    files.sort(key=lambda path: path.suffix == ".html" and path.parent == folder)
+    for path in files:
+        target = f"{key.rstrip('/')}/{path.relative_to(folder).as_posix()}"
+        _patiently(lambda p=path, t=target: store.put_file(str(p), t), url, LogWriteError)
+
+
+def download_report(url: str, folder: Path, only: Sequence[str] = ()) -> None:
+    """Fetch what an earlier run left under a URL; nothing when nothing is there."""
+    store, key = _store(url)
+    store.invalidate_cache()
+    for path in _patiently(lambda: store.find(key), url, LogReadError):
+        name = PurePosixPath(path).relative_to(PurePosixPath(key)).as_posix()
+        if only and name not in only:
+            continue
+        target = folder / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        _patiently(lambda p=path, t=target: store.get_file(p, str(t)), url, LogReadError)

@@ -1,0 +1,116 @@
+"""The rows of a report: `rows.jsonl` as they come, then tables for other tools."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+from roadlog.errors import LogReadError
+
+ROWS = "rows.jsonl"
+TABLE = "table"
+METRICS = "metrics"
+
+# columns of the table, one row a log
+FACTS = (
+    "log", "name", "status", "message", "vehicle", "road", "start", "duration_s", "distance_m",
+    "stops", "size", "stamp", "key", "roadlog", "peak_memory_mb", "worker", "detail",
+)  # fmt: skip
+STATISTICS = ("mean_deg", "sd_deg", "p05_deg", "p95_deg", "min_deg", "max_deg")
+SHOWN = ("rmse_deg", "bias_deg", "within_2sd", "valid_share")  # of each estimator and angle
+FIGURES = (
+    "n", "matched_share", "valid_share", "bias_deg", "rmse_deg", "mae_deg", "p95_deg", "max_deg",
+    "std_deg", "rmse_percent", "mae_percent", "within_2sd", "nees",
+)  # fmt: skip
+
+Row = dict[str, Any]
+
+
+def read_rows(folder: Path) -> dict[str, Row]:
+    """Rows of a report by log; the last of a log counts.
+
+    A last line that a killed run left unfinished is cut off the file. Raises LogReadError.
+    """
+    path = folder / ROWS
+    rows: dict[str, Row] = {}
+    try:
+        with path.open("rb+") as file:
+            good = 0
+            for line in file:
+                if not line.endswith(b"\n"):
+                    break
+                row = json.loads(line)
+                rows[row["log"]] = row
+                good += len(line)
+            file.truncate(good)
+    except FileNotFoundError:
+        return {}
+    except OSError as error:
+        raise LogReadError(f"{path}: cannot be read: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise LogReadError(f"{path}: is no table of a report: {error}") from error
+    return rows
+
+
+def write_row(file: IO[str], row: Mapping[str, Any]) -> None:
+    """Append a row; it is with the operating system when this returns."""
+    file.write(json.dumps(row, separators=(",", ":"), allow_nan=False) + "\n")
+    file.flush()
+
+
+def write_tables(folder: Path, rows: Sequence[Row]) -> None:
+    """table.* with one row a log and metrics.* with one row a log, estimator and angle.
+
+    As CSV and as Parquet.
+    """
+    pairs = sorted({(e, a) for row in rows for e, angles in row["angles"].items() for a in angles})
+    wide = [_wide(row, pairs) for row in rows]
+    columns = list(wide[0]) if wide else list(FACTS)
+    _write(folder / TABLE, columns, wide)
+    long = [
+        {"log": row["log"], "estimator": estimator, "angle": angle}
+        | {figure: figures.get(figure) for figure in FIGURES}
+        | {"run_time_s": row["run_time_s"].get(estimator)}
+        for row in rows
+        for estimator, angles in row["angles"].items()
+        for angle, figures in angles.items()
+    ]
+    _write(folder / METRICS, ["log", "estimator", "angle", *FIGURES, "run_time_s"], long)
+
+
+def _wide(row: Row, pairs: Iterable[tuple[str, str]]) -> Row:
+    wide = {name: row[name] for name in FACTS}
+    wide["estimators"] = " ".join(row["estimators"])
+    wide |= {f"seconds.{k}": row["seconds"].get(k) for k in ("read", "estimate", "total")}
+    wide["warnings"] = "; ".join(row["warnings"])
+    wide["losses"] = "; ".join(row["losses"])
+    for angle in ("grade", "bank"):
+        found = row[angle] or {}
+        wide |= {f"{angle}.{name}": found.get(name) for name in ("estimator", *STATISTICS)}
+    for estimator, angle in pairs:
+        figures = row["angles"].get(estimator, {}).get(angle, {})
+        wide |= {f"{estimator}.{angle}.{name}": figures.get(name) for name in SHOWN}
+    return wide
+
+
+def _write(stem: Path, columns: Sequence[str], rows: Sequence[Row]) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    printable = [{name: _printable(row[name]) for name in columns} for row in rows]
+    with stem.with_suffix(".csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, columns)
+        writer.writeheader()
+        writer.writerows(printable)
+    arrays = {name: [row[name] for row in printable] for name in columns}
+    parquet.write_table(pa.table(arrays), stem.with_suffix(".parquet"))
+
+
+def _printable(value: Any) -> Any:
+    """A file name need not be Unicode; a table must be."""
+    if isinstance(value, str):
+        return value.encode("utf-8", "replace").decode()
+    return value
