@@ -31,6 +31,7 @@ Result = TypeVar("Result")
 WORKER_MEMORY = 1.5e9  # bytes that a worker may need: an hour with every estimator, and reserve
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 CLUSTER_WINDOW = 4  # tasks per thread of the cluster that are on their way at a time
+CONNECT_TIMEOUT = 5.0  # s
 PATIENCE = 5.0  # s without a result before looking whether the cluster still has workers
 
 
@@ -212,7 +213,7 @@ def cluster_engine(address: str, say: Callable[[str], None]) -> Engine:
     for name in ("distributed.client", "distributed.core", "distributed.comm"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        client = Client(address, timeout=10, set_as_default=False)
+        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise RoadlogError(f"--cluster {address}: no dask scheduler answers: {reason}") from error

@@ -203,7 +203,7 @@ def test_bad_profile_is_explained(
 @pytest.mark.parametrize(
     "command",
     ["ingest", "info", "estimate", "evaluate", "view", "simulate", "scenarios", "estimators",
-     "profiles", "demo"],
+     "profiles", "demo", "report"],
 )  # fmt: skip
 def test_every_command_has_help_with_an_example(roadlog: Run, command: str) -> None:
     done = roadlog(command, "--help")

@@ -56,7 +56,10 @@ function layout(more) {
   return made;
 }
 
-const CONFIG = { displaylogo: false, responsive: true, showLink: false, plotlyServerURL: "" };
+const CONFIG = {
+  displaylogo: false, responsive: true,
+  modeBarButtonsToRemove: ["sendChartToCloud", "downloadJson", "select2d", "lasso2d"], // nothing leaves this page
+};
 
 function draw(id, traces, more) {
   return Plotly.react(id, traces, layout(more), CONFIG);
