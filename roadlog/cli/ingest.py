@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,6 +28,13 @@ def ingest(
         str | None,
         typer.Option(metavar="gnss", help="Make a reference grade: gnss = its altitude, smoothed."),
     ] = None,
+    time_offset: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[FILE=]SECONDS",
+            help="Add to a source's clock instead of an estimate; without FILE, to the second's.",
+        ),
+    ] = None,
     vehicle: Annotated[Path | None, typer.Option(help="Vehicle file to keep in the log.")] = None,
 ) -> None:
     """Turn what the logger wrote into one MCAP drive log.
@@ -43,10 +51,30 @@ def ingest(
     if truth_from not in (None, "gnss"):
         raise typer.BadParameter("must be gnss", param_hint="--truth-from")
     given = Vehicle.load(vehicle) if vehicle else None
-    result = read(sources, profile, dbc or [], truth_from == "gnss")
+    offsets = _offsets(time_offset or [], sources)
+    result = read(sources, profile, dbc or [], truth_from == "gnss", offsets)
     create(out, result.tables, result.metadata, given)
     _print(result, out)
     console.warn_losses(result.losses)
+
+
+def _offsets(texts: list[str], sources: list[Path]) -> dict[str, float]:
+    """`FILE=SECONDS` texts, or seconds alone for the second source, by file name."""
+    result = {}
+    for text in texts:
+        file, equals, number = text.rpartition("=")
+        if not equals and len(sources) < 2:
+            raise typer.BadParameter(
+                "needs FILE=SECONDS or two sources", param_hint="--time-offset"
+            )
+        try:
+            seconds = float(number)
+        except ValueError:
+            seconds = math.nan
+        if not math.isfinite(seconds):
+            raise typer.BadParameter(f"'{text}' is not [FILE=]SECONDS", param_hint="--time-offset")
+        result[Path(file).name if equals else sources[1].name] = seconds
+    return result
 
 
 def _print(result: IngestResult, out: Path) -> None:
@@ -57,6 +85,8 @@ def _print(result: IngestResult, out: Path) -> None:
     console.print_table(["signal", "from", "unit", "samples", "invalid"], rows, str(out), left=3)
     if result.left_over:
         console.say(f"left over: {', '.join(result.left_over)}")
+    if result.lacking:
+        console.say(f"not in the source: {', '.join(result.lacking)}")
     for note in result.notes:
         console.say(note)
     for gap in result.gaps:

@@ -4,28 +4,36 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Protocol, cast
 
 from roadlog.errors import ConfigError, LogReadError, near
-from roadlog.ingest import mapping, truth
-from roadlog.ingest.frame import Recording, joined
+from roadlog.ingest import clocks, mapping, truth
+from roadlog.ingest.frame import Frame, Recording, joined
 from roadlog.ingest.mapping import Mapped
-from roadlog.ingest.profile import Profile, shipped
+from roadlog.ingest.profile import Profile, fitting, shipped
 from roadlog.signals import SECTIONS
 from roadlog.storage import Table
 
 # in the order in which they are asked; each knows its sources by their content
-FORMATS = ("comma2k19", "mdf", "obd", "can_trace", "csv")
+FORMATS = ("comma2k19", "kitti", "ros", "mcap", "mdf", "parquet", "obd", "can_trace", "csv")
+KNOWN = (
+    "comma2k19 and KITTI folders, ROS bags, MCAP, MDF, Parquet, OBD logs, CAN traces, text tables"
+)
 
 
 class Format(Protocol):
-    """What a format module offers; `PROFILE`, where it has one, names the profile that fits."""
+    """What a format module offers.
+
+    `PROFILE` names the profile of a format that always has the same names; of others, `names`
+    says what a profile may refer to.
+    """
 
     def recognizes(self, path: Path) -> bool: ...
+    def names(self, path: Path, dbc: Sequence[Path]) -> set[str]: ...
     def read(self, path: Path, profile: Profile, dbc: Sequence[Path]) -> Recording: ...
 
 
@@ -34,16 +42,30 @@ class IngestResult:
     """What came of the sources.
 
     tables: ready to be written. metadata: `profile` and `source` records. left_over: source names
-    that the profile does not use. notes (coverage of a bus), gaps, losses: sentences for people.
+    that the profile does not use. lacking: roles of a shipped profile that the source does not
+    have. notes (profile found, coverage of a bus, clocks), gaps, losses: sentences for people.
     """
 
     tables: list[Table]
     metadata: dict[str, dict[str, str]]
     mapped: list[Mapped]
     left_over: list[str]
+    lacking: list[str]
     notes: list[str]
     gaps: list[str]
     losses: list[str]
+
+
+@dataclass(frozen=True)
+class _Source:
+    """One source with the module that reads it and the profile that says what its names mean."""
+
+    path: Path
+    format: Format
+    profile: Profile
+
+    def read(self, dbc: Sequence[Path]) -> Recording:
+        return self.format.read(self.path, self.profile, dbc)
 
 
 def ingest(
@@ -51,58 +73,130 @@ def ingest(
     profile: Profile | str | Path | None = None,
     dbc: Sequence[Path] = (),
     truth_from_gnss: bool = False,
+    time_offsets: Mapping[str, float] | None = None,
 ) -> IngestResult:
     """Read the sources of one drive and map them.
 
-    profile: a Profile, a file, the name of a shipped one, or None where the source says what it
-    is. dbc: databases for raw CAN frames. truth_from_gnss: a reference grade from the altitude.
-    Raises LogReadError for an unreadable source, ConfigError for a profile that does not fit.
+    A folder that is no format of its own stands for the files in it. profile: a Profile, a file,
+    the name of a shipped one, or None where each source says what it is. dbc: databases for raw
+    CAN frames. truth_from_gnss: a reference grade from the altitude. time_offsets: file name -> s
+    to add to its clock, instead of an estimate. Raises LogReadError for an unreadable source,
+    ConfigError for a profile that does not fit.
     """
-    paths = [Path(source) for source in sources]
-    formats = [_format(path) for path in paths]
-    if profile is None:
-        profile = _own_profile(formats, paths)
-    if not isinstance(profile, Profile):
-        profile = Profile.load(profile)
-    recordings = [
-        format_.read(path, profile, dbc) for format_, path in zip(formats, paths, strict=True)
-    ]
-    frames = joined(frame for recording in recordings for frame in recording.frames)
-    tables, mapped, left_over = mapping.apply(profile, frames)
+    given = Profile.load(profile) if isinstance(profile, (str, Path)) else profile
+    paths, databases, ignored = _expanded([Path(source) for source in sources], dbc)
+    opened = [_source(path, given, databases) for path in paths]
+    recordings = [source.read(databases) for source in opened]
+    profiles = list({source.profile.name: source.profile for source in opened}.values())
+    groups, mapped, over, lacking = [], [], [], []
+    for chosen in profiles:
+        own = [r for s, r in zip(opened, recordings, strict=True) if s.profile.name == chosen.name]
+        frames = joined(frame for recording in own for frame in recording.frames)
+        located, absent = mapping.locate(chosen, frames)
+        lacking += absent
+        over += mapping.left_over(frames, located)
+        for members in _clock_groups(own, frames):
+            here = [place for place in located if any(place.frame is f for f in members)]
+            signals, kinds = mapping.signals(chosen, here)
+            groups.append(clocks.Group(_files(members), signals))
+            mapped += kinds
+    signals, said = clocks.merged(groups, time_offsets or {})
+    tables = mapping.tables(signals)
     if truth_from_gnss:
         topic = SECTIONS["truth"].topic
         tables = [t for t in tables if t.topic != topic] + [truth.from_gnss(tables)]
     losses = [loss for recording in recordings for loss in recording.losses]
     losses += [loss for recording in recordings for loss in _backward(recording)]
     metadata = {
-        "profile": {"name": profile.name, "toml": profile.text},
+        "profile": {
+            "name": ", ".join(p.name for p in profiles),
+            "toml": "\n".join(p.text for p in profiles),
+        },
         "source": {"files": json.dumps(_digests(paths), sort_keys=True)},
     }
-    notes = [note for recording in recordings for note in recording.notes]
-    return IngestResult(tables, metadata, mapped, left_over, notes, mapping.gaps(tables), losses)
+    notes = (
+        []
+        if given
+        else [f"{s.path.name}: profile {s.profile.name}, found by itself" for s in opened]
+    )
+    notes += [note for recording in recordings for note in recording.notes] + said
+    if ignored:
+        notes.append(f"not a source: {', '.join(ignored)}")
+    gaps = mapping.gaps(tables)
+    return IngestResult(tables, metadata, mapped, over, lacking, notes, gaps, losses)
 
 
-def _format(path: Path) -> Format:
+def _expanded(
+    paths: Sequence[Path], dbc: Sequence[Path]
+) -> tuple[list[Path], list[Path], list[str]]:
+    """Sources, databases and names of other files; folders of files taken apart."""
+    found: list[Path] = []
+    databases, ignored = list(dbc), []
+    for path in paths:
+        if not path.is_dir() or _module(path) is not None:
+            found.append(path)
+            continue
+        files = sorted(p for p in path.iterdir() if p.is_file() and not p.name.startswith("."))
+        inside = [p for p in files if p.stat().st_size and _module(p) is not None]
+        if not inside:
+            raise LogReadError(f"{path}: holds no file of a format that is understood ({KNOWN})")
+        found += inside
+        if not dbc:
+            databases += [p for p in files if p.suffix.lower() == ".dbc"]
+        ignored += [p.name for p in files if p not in inside and p not in databases]
+    return found, databases, ignored
+
+
+def _module(path: Path) -> Format | None:
+    for name in FORMATS:
+        module = cast(Format, import_module(f"roadlog.ingest.{name}"))
+        if module.recognizes(path):
+            return module
+    return None
+
+
+def _source(path: Path, profile: Profile | None, dbc: Sequence[Path]) -> _Source:
     if not path.exists():
         siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
         raise LogReadError(f"{path}: no such file or folder. {near(path.name, siblings)}")
     if path.is_file() and not path.stat().st_size:
         raise LogReadError(f"{path}: is empty; nothing to ingest")
-    for name in FORMATS:
-        module = cast(Format, import_module(f"roadlog.ingest.{name}"))
-        if module.recognizes(path):
-            return module
-    raise LogReadError(f"{path}: is none of the formats that are understood ({', '.join(FORMATS)})")
+    module = _module(path)
+    if module is None:
+        raise LogReadError(f"{path}: is none of the formats that are understood ({KNOWN})")
+    return _Source(path, module, profile or _own_profile(module, path, dbc))
 
 
-def _own_profile(formats: Sequence[Format], paths: Sequence[Path]) -> str:
-    names = {getattr(format_, "PROFILE", "") for format_ in formats} - {""}
-    if len(names) == 1:
-        return names.pop()
-    raise ConfigError(
-        f"{', '.join(path.name for path in paths)}: say what its columns mean with --profile "
-        f"(a file, or one of: {', '.join(shipped())})"
-    )
+def _own_profile(module: Format, path: Path, dbc: Sequence[Path]) -> Profile:
+    """The profile that a source asks for by its kind or by its names."""
+    own = getattr(module, "PROFILE", "")
+    found = Profile.load(own) if own else fitting(module.names(path, dbc))
+    if found is None:
+        raise ConfigError(
+            f"{path.name}: say what its names mean with --profile (a file, or one of: "
+            f"{', '.join(shipped())}); `roadlog profile new {path.name}` writes one to start from"
+        )
+    return found
+
+
+def _clock_groups(recordings: Sequence[Recording], frames: Sequence[Frame]) -> list[list[Frame]]:
+    """Frames by logger: files that hold the same messages are one logger's, on one clock."""
+    groups: list[tuple[set, set[str]]] = []
+    for recording in recordings:
+        keys = {frame.key for frame in recording.frames if len(frame)}
+        names = {frame.file for frame in recording.frames}
+        for group in [g for g in groups if g[0] & keys]:
+            groups.remove(group)
+            keys, names = keys | group[0], names | group[1]
+        groups.append((keys, names))
+    return [
+        [f for f in frames if f.key in keys and set(f.file.split(", ")) <= names]
+        for keys, names in groups
+    ]
+
+
+def _files(frames: Sequence[Frame]) -> list[str]:
+    return list(dict.fromkeys(name for frame in frames for name in frame.file.split(", ")))
 
 
 def _backward(recording: Recording) -> list[str]:

@@ -54,6 +54,15 @@ def load(paths: Sequence[Path]) -> list[Any]:
     return messages
 
 
+def names(messages: Sequence[Any]) -> set[str]:
+    """Every name that decoding may give: `MESSAGE.SIGNAL`, `SIGNAL`, and those of OBD-II."""
+    found = {f"{obd.FRAME}.{parameter.name}" for parameter in obd.PARAMETERS.values()}
+    for message in messages:
+        for signal in message.signals:
+            found |= {signal.name, f"{message.name}.{signal.name}"}
+    return found
+
+
 def decode(frames: CanFrames, messages: Sequence[Any], file: str) -> Recording:
     """Frames of every known message, standard OBD-II answers among them; a note on coverage.
 

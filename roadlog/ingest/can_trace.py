@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,30 +13,56 @@ from roadlog.ingest import can
 from roadlog.ingest.frame import Recording
 from roadlog.ingest.profile import Profile
 
-SUFFIXES = (".blf", ".asc", ".trc", ".log")
 PAYLOAD = 64  # bytes, CAN FD
+HEAD = 4096  # bytes looked at
+BLF = b"LOGG"
+# what a line of each text format looks like, and of its header
+MARKS = {
+    "ASCReader": rb"^(base (hex|dec)  ?timestamps|date [A-Z][a-z]{2} .*\n(//.*\n)*base )",
+    "TRCReader": rb"^;\$(FILEVERSION|STARTTIME)=",
+    "CanutilsLogReader": rb"^\(\d+\.\d+\) +\S+ +[0-9A-Fa-f]{3,8}#",
+}
 
 
 def recognizes(path: Path) -> bool:
-    """Whether the suffix is one of a CAN trace; the text ones have no sure mark."""
-    return path.is_file() and path.suffix.lower() in SUFFIXES
+    """Whether the file begins as one of the trace formats does."""
+    return path.is_file() and _reader(path) is not None
+
+
+def _reader(path: Path) -> str | None:
+    """The reader class of python-can."""
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    if head.startswith(BLF):
+        return "BLFReader"
+    return next((name for name, mark in MARKS.items() if re.search(mark, head, re.M)), None)
+
+
+def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
+    """What the databases know; the trace itself has no names."""
+    del path
+    return can.names(can.load(dbc))
 
 
 def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """Decoded messages. A trace that ends in the middle gives what comes before, and a loss."""
     del profile
     try:
-        from can import LogReader
+        import can as python_can
     except ImportError:
         raise MissingExtraError("a CAN trace", "can") from None
     messages = can.load(dbc)
+    name = _reader(path)
+    assert name is not None  # `recognizes` was asked
     times: list[int] = []
     identifiers: list[int] = []
     lengths: list[int] = []
     payload = bytearray()
     losses: list[str] = []
     try:
-        with LogReader(path) as reader:
+        # ASC: stamps with the date of its header, in the machine's zone as the format has it
+        options = {"relative_timestamp": False} if name == "ASCReader" else {}
+        with getattr(python_can, name)(path, **options) as reader:
             promised = getattr(reader, "file_size", 0)  # BLF: what its header says
             if promised > path.stat().st_size:
                 share = path.stat().st_size / promised

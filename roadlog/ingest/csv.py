@@ -2,37 +2,91 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
-from collections.abc import Collection
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from roadlog.errors import ConfigError, LogReadError, near
+from roadlog.errors import LogReadError
 from roadlog.ingest import times
-from roadlog.ingest.frame import Frame, Recording
-from roadlog.ingest.profile import Clock, Profile
-from roadlog.types import Floats, Stamps
+from roadlog.ingest.frame import Frame, Recording, absent
+from roadlog.ingest.profile import Profile
+from roadlog.storage.spool import Spool
 
-SUFFIXES = (".csv", ".tsv", ".txt", ".dat")
-BLOCK = 20_000  # rows parsed at a time: bounds the memory of text beside that of numbers
-_BLANKS = frozenset(("", "-", "na", "n/a", "null", "none", "nan"))
+BLOCK = 1 << 24  # bytes parsed at a time: bounds the memory of text beside that of numbers
+HEAD = 1 << 16  # bytes in which the header and the first row are
+SHORTEST_ROW = 2  # bytes
+PREAMBLE = ("#", "%", "//", "sep=")  # comments, and Excel's word on the delimiter
+_BLANKS = frozenset(("", "-", "na", "n/a", "null", "none", "nan", "inf", "-inf"))
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a text table is written.
+
+    encoding: of the text. delimiter: between fields. names, units: of the columns, units where a
+    row under the names has them. start: bytes before the first row of numbers.
+    """
+
+    encoding: str
+    delimiter: str
+    names: list[str]
+    units: dict[str, str]
+    start: int
 
 
 def recognizes(path: Path) -> bool:
-    """Whether the file looks like a text table: a text suffix and a header of several names."""
-    return path.is_file() and path.suffix.lower() in SUFFIXES and len(header(path)) > 1
+    """Whether the file looks like a text table: text, and a first line of several names."""
+    if not path.is_file():
+        return False
+    try:
+        return len(layout(path).names) > 1
+    except LogReadError:
+        return False
 
 
-def header(path: Path) -> list[str]:
-    """Column names, stripped. Raises LogReadError when there is no text in the file."""
-    with _open(path) as file:
-        line = file.readline()
-    if not line.strip():
+def names(path: Path, dbc: object = ()) -> set[str]:
+    """Column names."""
+    del dbc
+    return set(layout(path).names)
+
+
+def layout(path: Path) -> Layout:
+    """Encoding, delimiter and names. Raises LogReadError when it is no text table."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+    except OSError as error:
+        raise LogReadError(f"{path}: cannot be opened: {error.strerror}") from error
+    encoding = _encoding(head)
+    if b"\0" in head and not encoding.startswith("utf-16"):
+        raise LogReadError(f"{path}: is no text table")
+    lines = _lines(head, encoding)
+    start = 0
+    delimiter = ""
+    while lines and (not lines[0][0].strip() or lines[0][0].lstrip().startswith(PREAMBLE)):
+        line, size = lines.pop(0)
+        start += size
+        if line.startswith("sep="):
+            delimiter = line.strip()[4:5]
+    if not lines:
         raise LogReadError(f"{path}: is empty; nothing to ingest")
-    return [name.strip() for name in next(csv.reader([line], delimiter=_delimiter(line)))]
+    delimiter = delimiter or max(("\t", ";", ","), key=lines[0][0].count)
+    header = [name.strip() for name in _fields(lines[0][0], delimiter)]
+    if header and not header[-1]:
+        header.pop()  # a delimiter at the end of the line
+    start += lines[0][1]
+    units: dict[str, str] = {}
+    if len(lines) > 2 and lines[1][0].strip() and not any(map(str.isdigit, lines[1][0])):
+        below = (unit.strip(" []()") for unit in _fields(lines[1][0], delimiter))
+        units = dict(zip(header, below, strict=False))
+        start += lines[1][1]
+    return Layout(encoding, delimiter, header, units, start)
 
 
 def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
@@ -41,125 +95,215 @@ def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
     Raises LogReadError naming the row, ConfigError when there is no time column.
     """
     del dbc
-    names = header(path)
-    if len(set(names)) < len(names):
-        twice = sorted({name for name in names if names.count(name) > 1})
+    found = layout(path)
+    if len(set(found.names)) < len(found.names):
+        twice = sorted({name for name in found.names if found.names.count(name) > 1})
         raise LogReadError(f"{path}: column {', '.join(twice)} is there twice; rename one")
-    clock = _time_column(names, profile.clock, path)
-    columns, losses = _columns(path, names, {clock, *profile.names})
-    if not len(columns[clock]):
-        raise LogReadError(f"{path}: has a header but no rows")
-    time, keep = _stamps(columns.pop(clock), profile.clock.unit, path)
-    if not keep.all():
-        losses.append(f"{path.name}: {int((~keep).sum())} rows without a time left out")
-    values = {
-        n: columns[n][keep] if n in columns else _absent(len(time)) for n in names if n != clock
+    if all(_is_number(name) for name in found.names):
+        raise LogReadError(f"{path}: its first line holds numbers; put the columns' names there")
+    clock = times.time_column(found.names, profile.clock.column, str(path))
+    wanted = [clock, *(n for n in found.names if n != clock and profile.reads(n))]
+    reading = _Reading(path, found, wanted, profile.clock.unit)
+    with path.open("rb") as file:
+        file.seek(found.start)
+        for block in _blocks(file, found.encoding):
+            reading.take(block)
+    time = reading.time.column()
+    if not len(time):
+        reading.nothing()
+    columns = {
+        n: reading.column(n) if n in wanted else absent(len(time))
+        for n in found.names
+        if n != clock
     }
-    return Recording((Frame("", path.name, time, values),), tuple(losses))
+    return Recording((Frame("", path.name, time, columns, found.units),), tuple(reading.losses()))
 
 
-def _absent(size: int) -> NDArray:
-    """A column that nobody asked for: its name counts, its values take no memory."""
-    return np.broadcast_to(np.float64("nan"), size)
+class _Reading:
+    """Columns of one file as its blocks come."""
 
+    def __init__(self, path: Path, found: Layout, wanted: list[str], unit: str) -> None:
+        self.path = path
+        self.layout = found
+        self.wanted = wanted
+        self.unit = unit
+        self.time = Spool(np.int64)
+        self.columns = [Spool(np.float64) for _ in wanted[1:]]
+        self.picks = np.full(len(found.names), -1)
+        for place, name in enumerate(wanted):
+            self.picks[found.names.index(name)] = place
+        self.rows = self.bad = self.odd = self.timeless = 0
+        self.numbers = [0] * len(wanted)
+        self.texts: dict[int, tuple[int, str, int]] = {}  # place -> row, text, count
+        self.rest = b""
+        self.room: tuple[NDArray, ...] = ()
 
-def _open(path: Path) -> TextIO:
-    try:
-        with path.open("rb") as file:
-            head = file.read(4)
-        encoding = "utf-16" if head[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-        # a stray byte of another encoding may stand in a unit or a remark, not in a number
-        return path.open(encoding=encoding, errors="replace", newline="")
-    except OSError as error:
-        raise LogReadError(f"{path}: cannot be opened: {error.strerror}") from error
+    def take(self, block: bytes) -> None:
+        """Parse a block; what is left of it waits for the next one."""
+        from roadlog.ingest import numbers
 
-
-def _delimiter(line: str) -> str:
-    return max(("\t", ";", ","), key=line.count)
-
-
-def _time_column(names: list[str], clock: Clock, path: Path) -> str:
-    if clock.column:
-        if clock.column not in names:
-            raise ConfigError(
-                f"{path}: no time column '{clock.column}'. {near(clock.column, names)}"
+        data = np.frombuffer(self.rest + block, np.uint8)
+        comma = self.layout.delimiter != ","
+        position = 0
+        while position < len(data):
+            if not self.room:
+                rows = max(1024, int(min(len(data), BLOCK) // (SHORTEST_ROW * len(self.picks))))
+                self.room = numbers.room(min(rows, BLOCK // 64), len(self.wanted))
+            here = data[position:]
+            rows, used, bad, odd = numbers.parse(
+                here, ord(self.layout.delimiter), comma, len(self.picks), self.picks, *self.room
             )
-        return clock.column
-    folded = {name.lower(): name for name in reversed(names)}
-    for name in times.TIME_NAMES:
-        if name in folded:
-            return folded[name]
-    raise ConfigError(
-        f'{path}: which column is the time? Say [time] column = "..." in the profile. '
-        + near("time", names)
+            self.odd = self.odd if self.bad else odd
+            self.bad += bad
+            self._keep(here, rows)
+            if not used:
+                break
+            position += used
+        self.rest = data[position:].tobytes()
+        if len(self.rest) > BLOCK:
+            raise LogReadError(f"{self.path}: is no text table: a quote or line does not end")
+
+    def _keep(self, data: NDArray, rows: int) -> None:
+        from roadlog.ingest import numbers
+
+        kinds, values, integers, spans = (part[:rows] for part in self.room)
+        if not rows:
+            return
+
+        def text(row: int, place: int) -> str:
+            start, end = spans[row, place]
+            return _decoded(data[start:end].tobytes()).strip().strip('"')
+
+        time = kinds[:, 0]
+        if (time == numbers.TEXT).any():
+            raw = np.array([text(row, 0) for row in range(rows)], object)
+        elif (time == numbers.INTEGER).all():
+            raw = integers
+        else:
+            raw = values[:, 0]
+        if (time == numbers.BLANK).all():
+            keep = np.zeros(rows, np.bool_)
+            stamps = np.empty(0, np.int64)
+        else:
+            if not self.unit and raw.dtype != object:
+                self.unit = times.unit_of(raw, str(self.path))
+            stamps, keep = times.stamps(raw, self.unit, str(self.path), self.rows)
+        self.time.append(stamps)
+        self.timeless += int(rows - keep.sum())
+        for place, spool in enumerate(self.columns, 1):
+            column = values[:, place]
+            odd = np.flatnonzero(kinds[:, place] == numbers.TEXT)
+            self.numbers[place] += int((kinds[:, place] != numbers.BLANK).sum()) - len(odd)
+            for row in odd.tolist():
+                word = text(row, place)
+                if word.lower() not in _BLANKS:
+                    first = self.texts.get(place, (self.rows + row + 1, word, 0))
+                    self.texts[place] = (*first[:2], first[2] + 1)
+            spool.append(column if keep.all() else column[keep])
+        self.rows += rows
+
+    def column(self, name: str) -> NDArray:
+        """The values; texts where there is no number at all."""
+        place = self.wanted.index(name)
+        if place in self.texts and not self.numbers[place]:
+            return np.full(len(self.time), self.texts[place][1], object)
+        return self.columns[place - 1].column()
+
+    def losses(self) -> list[str]:
+        """What was left out."""
+        name, width = self.path.name, len(self.picks)
+        if self.bad > self.rows:
+            raise LogReadError(f"{self.path}: {self._misfit()}")
+        found = [f"{name}: {self.bad} rows without {width} fields left out"] if self.bad else []
+        if self.rest.strip():
+            found.append(f"{name}: cut off in the last row")
+        if self.timeless:
+            found.append(f"{name}: {self.timeless} rows without a time left out")
+        found += [
+            f"{name}: {self.wanted[place]}: {count} values are no numbers (row {row}: '{word}')"
+            for place, (row, word, count) in self.texts.items()
+            if self.numbers[place]
+        ]
+        return found
+
+    def nothing(self) -> None:
+        """Say why there is no row. Raises LogReadError."""
+        if self.bad:
+            raise LogReadError(f"{self.path}: {self._misfit()}")
+        if self.timeless:
+            raise LogReadError(f"{self.path}: the time column holds no number")
+        raise LogReadError(f"{self.path}: has a header but no rows")
+
+    def _misfit(self) -> str:
+        width = len(self.picks)
+        why = (
+            "; decimal commas between commas? Export with semicolons, or with points"
+            if self.layout.delimiter == "," and self.odd > width
+            else ""
+        )
+        return f"{self.bad} rows have not the {width} fields of the header but {self.odd}{why}"
+
+
+def _encoding(head: bytes) -> str:
+    """By the mark at the start, or by where the zeros of ASCII characters are."""
+    if head.startswith(codecs.BOM_UTF8):
+        return "utf-8-sig"
+    if head.startswith(codecs.BOM_UTF16_LE):
+        return "utf-16-le"
+    if head.startswith(codecs.BOM_UTF16_BE):
+        return "utf-16-be"
+    pairs = np.frombuffer(head[: len(head) // 2 * 2], np.uint8).reshape(-1, 2)
+    zeros = (pairs == 0).mean(axis=0) if len(pairs) else np.zeros(2)
+    if zeros[1] > 0.5 and not zeros[0]:
+        return "utf-16-le"
+    if zeros[0] > 0.5 and not zeros[1]:
+        return "utf-16-be"
+    try:
+        head.decode("utf-8")
+    except UnicodeDecodeError as error:
+        if error.start < len(head) - 4:  # not a character that the end of the head cuts
+            return "cp1252"
+    return "utf-8"
+
+
+def _lines(head: bytes, encoding: str) -> list[tuple[str, int]]:
+    """The first lines and their sizes in bytes; in single-byte text each decoded as it can be."""
+    if not encoding.startswith("utf-16"):
+        return [(_decoded(line), len(line)) for line in head.splitlines(keepends=True)]
+    text = head[: len(head) // 2 * 2].decode(encoding, "replace")
+    lines = [f"{line}\n" for line in text.split("\n")]
+    return [(line.removeprefix("\ufeff"), len(line.encode(encoding))) for line in lines]
+
+
+def _decoded(line: bytes) -> str:
+    """UTF-8, or where it is not (a unit written by another program), Windows-1252."""
+    try:
+        return line.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return line.decode("cp1252", "replace")
+
+
+def _fields(line: str, delimiter: str) -> list[str]:
+    return next(csv.reader([line.strip("\r\n")], delimiter=delimiter), [])
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _blocks(file: IO[bytes], encoding: str) -> Iterator[bytes]:
+    """The rest of the file in blocks of ASCII-compatible bytes; the last ends with a line feed."""
+    decoder = (
+        codecs.getincrementaldecoder(encoding)("replace") if encoding.startswith("utf-16") else None
     )
-
-
-def _columns(path: Path, names: list[str], wanted: Collection[str]) -> tuple[dict, list[str]]:
-    """Wanted columns as numbers where every value is one, else as text."""
-    picks = [(k, name) for k, name in enumerate(names) if name in wanted]
-    blocks: dict[str, list[NDArray]] = {name: [] for _, name in picks}
-    short = 0
-    with _open(path) as file:
-        delimiter = _delimiter(file.readline())
-        rows: list[list[str]] = []
-        try:
-            for row in csv.reader(file, delimiter=delimiter):
-                if len(row) == len(names):
-                    rows.append(row)
-                elif len(row) == len(names) + 1 and not row[-1].strip():
-                    rows.append(row[:-1])  # a delimiter at the end of the line
-                elif row:
-                    short += 1
-                if len(rows) == BLOCK:
-                    _take(rows, picks, blocks, delimiter)
-            _take(rows, picks, blocks, delimiter)
-        except csv.Error as error:
-            raise LogReadError(f"{path}: is no text table: {error}") from error
-    losses = [f"{path.name}: {short} rows without {len(names)} fields left out"] if short else []
-    return {name: _joined(parts) for name, parts in blocks.items()}, losses
-
-
-def _take(
-    rows: list[list[str]],
-    picks: list[tuple[int, str]],
-    blocks: dict[str, list[NDArray]],
-    delimiter: str,
-) -> None:
-    for k, name in picks:
-        blocks[name].append(_parsed([row[k] for row in rows], delimiter != ","))
-    rows.clear()
-
-
-def _parsed(texts: list[str], commas: bool) -> NDArray:
-    try:
-        return np.array(texts, np.float64)
-    except ValueError:
-        pass
-    if commas:
-        texts = [text.replace(",", ".") for text in texts]
-    try:
-        return np.array(["nan" if t.strip().lower() in _BLANKS else t for t in texts], np.float64)
-    except ValueError:
-        return np.array(texts, object)
-
-
-def _joined(parts: list[NDArray]) -> NDArray:
-    if any(part.dtype == object for part in parts):
-        parts = [part.astype(object) for part in parts]
-    return np.concatenate(parts) if parts else np.empty(0)
-
-
-def _stamps(values: NDArray, unit: str, path: Path) -> tuple[Stamps, NDArray[np.bool_]]:
-    """ns of each row with a time, and which rows have one."""
-    if values.dtype == object:
-        keep = np.array([bool(str(value).strip()) for value in values])
-        return times.from_texts([str(v) for v in values[keep]], str(path)), keep
-    numbers: Floats = values.astype(np.float64)
-    keep = np.isfinite(numbers)
-    if not keep.any():
-        raise LogReadError(f"{path}: the time column holds no number")
-    try:
-        return times.from_numbers(numbers[keep], unit or times.guess_unit(numbers[keep])), keep
-    except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from None
+    end = b"\n"
+    while raw := file.read(BLOCK):
+        block = decoder.decode(raw).encode() if decoder else raw
+        end = block[-1:] or end
+        yield block
+    if end != b"\n":
+        yield b"\n"

@@ -17,7 +17,8 @@ class Frame:
 
     name: of the message or topic, empty where the file holds only one table. file: name of the
     source file. time: ns. columns: source name -> values as the source has them, NaN where there
-    is none. units: as the source states them, where it does.
+    is none. units: as the source states them, where it does. kind: the type of the message where
+    topics have one (`sensor_msgs/Imu`).
     """
 
     name: str
@@ -25,6 +26,16 @@ class Frame:
     time: Stamps
     columns: Mapping[str, NDArray]
     units: Mapping[str, str] = field(default_factory=dict)
+    kind: str = ""
+
+    @property
+    def key(self) -> tuple[str, str, tuple[str, ...]]:
+        """What frames of one logger have in common, however many files it wrote."""
+        return self.name, self.kind, tuple(self.columns)
+
+    def full(self, column: str) -> tuple[str, ...]:
+        """A column's names with the frame's."""
+        return f"{self.name}.{column}", f"{self.kind}.{column}"
 
     def __len__(self) -> int:
         return len(self.time)
@@ -40,22 +51,38 @@ class Recording:
 
 
 def joined(frames: Iterable[Frame]) -> list[Frame]:
-    """Frames with rows; those of the same name and columns put end to end, in time order."""
-    groups: dict[tuple[str, tuple[str, ...]], list[Frame]] = {}
-    for frame in frames:
-        if len(frame):
-            groups.setdefault((frame.name, tuple(frame.columns)), []).append(frame)
-    return [_concatenated(group) for group in groups.values()]
+    """Frames with rows; those of the same name and columns that follow each other made one.
+
+    Frames that overlap in time are different sensors of the same layout and stay apart.
+    """
+    chains: dict[tuple[str, str, tuple[str, ...]], list[list[Frame]]] = {}
+    ends: dict[int, int] = {}
+    for frame in sorted((f for f in frames if len(f)), key=lambda f: int(f.time.min())):
+        lines = chains.setdefault(frame.key, [])
+        first, last = int(frame.time.min()), int(frame.time.max())
+        line = next((line for line in lines if ends[id(line)] <= first), None)
+        if line is None:
+            line = []
+            lines.append(line)
+        line.append(frame)
+        ends[id(line)] = last
+    return [_concatenated(line) for lines in chains.values() for line in lines]
 
 
 def _concatenated(group: list[Frame]) -> Frame:
     if len(group) == 1:
         return group[0]
-    group = sorted(group, key=lambda frame: int(frame.time[0]))
-    return Frame(
-        group[0].name,
-        ", ".join(frame.file for frame in group),
-        np.concatenate([frame.time for frame in group]),
-        {name: np.concatenate([f.columns[name] for f in group]) for name in group[0].columns},
-        group[0].units,
-    )
+    time = np.concatenate([frame.time for frame in group])
+
+    def column(name: str) -> NDArray:
+        parts = [frame.columns[name] for frame in group]
+        return np.concatenate(parts) if any(p.strides != (0,) for p in parts) else absent(len(time))
+
+    files = ", ".join(dict.fromkeys(frame.file for frame in group))
+    columns = {name: column(name) for name in group[0].columns}
+    return Frame(group[0].name, files, time, columns, group[0].units, group[0].kind)
+
+
+def absent(size: int) -> NDArray:
+    """A column that nobody asked for: its name counts, its values take no memory."""
+    return np.broadcast_to(np.float64("nan"), size)

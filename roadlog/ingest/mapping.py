@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from roadlog.errors import ConfigError, LogReadError
+from roadlog.errors import ConfigError, LogReadError, near
 from roadlog.ingest.frame import Frame
-from roadlog.ingest.profile import AXES, Entry, Profile, find
+from roadlog.ingest.profile import AXES, AbsentError, Entry, Profile, find
 from roadlog.signals import SECTIONS, SIGNALS, Section
 from roadlog.storage import Table, schemas
 from roadlog.types import Bools, Floats, Stamps
@@ -18,7 +19,19 @@ from roadlog.units import to_si
 
 SLOW_SECTIONS = ("speed", "gnss", "barometer")  # of devices that fast tables repeat
 REPEATS = 5  # rows; a value that typically stays this long is held, not measured anew
+BURST = 2_000_000  # ns; messages of one measurement follow each other on a bus as fast as this
 NEGLIGIBLE = 1e-9  # a mount coefficient below this does not use its axis
+
+
+Signals = dict[str, tuple[Stamps, Floats]]  # role -> ns, SI values in vehicle axes
+
+
+class Located(NamedTuple):
+    """Where a signal of the profile is in the source."""
+
+    entry: Entry
+    frame: Frame
+    column: str
 
 
 @dataclass(frozen=True)
@@ -33,42 +46,83 @@ class Mapped:
     invalid: int
 
 
-def apply(profile: Profile, frames: list[Frame]) -> tuple[list[Table], list[Mapped], list[str]]:
-    """Tables of every section that the profile maps, what was mapped, and what was left over.
+def locate(profile: Profile, frames: Sequence[Frame]) -> tuple[list[Located], list[str]]:
+    """Where each signal of a profile is, and roles that the source does not have.
 
-    Signals of a section are put on the union of their stamps, NaN where one has no value. Raises
-    ConfigError when a name is not in the source, LogReadError when a section has no usable value.
+    Only a profile that comes with roadlog may name more than the source has, a user's own raises
+    ConfigError. Raises LogReadError when nothing is there.
     """
-    tables, mapped, used = [], [], set()
-    for name, entries in profile.entries.items():
-        values: dict[str, tuple[Stamps, Floats]] = {}
-        for key, entry in entries.items():
-            frame, column = find(entry.source, entry, frames)
-            used.add((id(frame), column))
-            if entry.valid:
-                used.add((id(frame), entry.valid.name))
-            time, samples = _samples(entry, frame, column)
-            if name in SLOW_SECTIONS:
-                fresh = refreshed(time, samples)
-                time, samples = time[fresh], samples[fresh]
-            values[key] = time, samples
-            usable = int(np.isfinite(samples).sum())
-            place = f"{frame.name}.{column}" if frame.name else column
-            unit = entry.unit or "-"
-            mapped.append(
-                Mapped(entry.role, place, frame.file, unit, usable, len(samples) - usable)
-            )
-        if values:
-            tables.append(_table(SECTIONS[name], values, profile.mounts.get(name)))
-    over = [
+    found, lacking = [], []
+    for entry in profile:
+        try:
+            frame, column = find(entry, frames)
+        except AbsentError as error:
+            if not profile.family:
+                raise ConfigError(str(error)) from None
+            lacking.append(entry.role)
+            continue
+        found.append(Located(entry, frame, column))
+    if not found:
+        names = {
+            f"{frame.name}.{c}" if frame.name else c for frame in frames for c in frame.columns
+        }
+        raise LogReadError(
+            f"profile {profile.name} fits nothing in the source; give another --profile. "
+            + near("", names)
+        )
+    return found, lacking
+
+
+def signals(profile: Profile, located: Sequence[Located]) -> tuple[Signals, list[Mapped]]:
+    """Located signals in SI units and vehicle axes, each on its own stamps, and what they are.
+
+    Raises ConfigError for text instead of numbers, a condition that is not there, or a mount that
+    needs more axes.
+    """
+    found: Signals = {}
+    mapped = []
+    for entry, frame, column in located:
+        time, samples = _samples(entry, frame, column)
+        section = entry.role.partition(".")[0]
+        if section in SLOW_SECTIONS:
+            fresh = refreshed(time, samples)
+            time, samples = time[fresh], samples[fresh]
+        found[entry.role] = time, samples
+        usable = int(np.isfinite(samples).sum())
+        place = f"{frame.name}.{column}" if frame.name else column
+        unit = entry.unit or "-"
+        mapped.append(Mapped(entry.role, place, frame.file, unit, usable, len(samples) - usable))
+    for section, mount in profile.mounts.items():
+        for kind in ("accel", "gyro"):
+            _mount(found, [f"{section}.{kind}_{axis}" for axis in AXES], mount)
+    return found, mapped
+
+
+def left_over(frames: Iterable[Frame], located: Sequence[Located]) -> list[str]:
+    """Names in the source that nothing uses."""
+    used = {(id(frame), column) for _, frame, column in located}
+    used |= {(id(frame), entry.valid.name) for entry, frame, _ in located if entry.valid}
+    return [
         f"{frame.name}.{column}" if frame.name else column
         for frame in frames
         for column in frame.columns
         if (id(frame), column) not in used
     ]
-    if not any(len(table) for table in tables):
+
+
+def tables(found: Signals) -> list[Table]:
+    """One table a section, its signals on the union of their stamps, NaN where one has no value.
+
+    Raises LogReadError when there is no usable value at all.
+    """
+    result = []
+    for section in SECTIONS.values():
+        values = {s.field: found[s.role] for s in section.signals if s.role in found}
+        if values:
+            result.append(_table(section, values))
+    if not any(len(table) for table in result):
         raise LogReadError("the sources hold no usable sample of any mapped signal")
-    return tables, mapped, over
+    return result
 
 
 def _samples(entry: Entry, frame: Frame, column: str) -> tuple[Stamps, Floats]:
@@ -118,13 +172,8 @@ def _numbers(values: NDArray, role: str) -> Floats:
         ) from None
 
 
-def _table(
-    section: Section, values: dict[str, tuple[Stamps, Floats]], mount: Floats | None
-) -> Table:
+def _table(section: Section, values: Mapping[str, tuple[Stamps, Floats]]) -> Table:
     time, columns = _united(values)
-    if mount is not None:
-        for kind in ("accel", "gyro"):
-            _rotate(columns, kind, mount)
     known = np.zeros(len(time), np.bool_)
     for column in columns.values():
         known |= np.isfinite(column)
@@ -141,43 +190,57 @@ def _table(
     return Table(section.topic, section.schema, time, complete)
 
 
-def _united(values: dict[str, tuple[Stamps, Floats]]) -> tuple[Stamps, dict[str, Floats]]:
-    """All signals on the union of their stamps; repeated stamps of one signal keep the last."""
+def _united(values: Mapping[str, tuple[Stamps, Floats]]) -> tuple[Stamps, dict[str, Floats]]:
+    """All signals on the union of their stamps; repeated stamps of one signal keep the last.
+
+    Messages of one burst, BURST apart at most, become one row.
+    """
     stamps = [time for time, _ in values.values()]
     first = stamps[0]
     if np.all(np.diff(first) > 0) and all(np.array_equal(time, first) for time in stamps):
         return first, {name: column for name, (_, column) in values.items()}
     union: Stamps = np.unique(np.concatenate(stamps))
+    row = _bursts(union, stamps)
     columns = {}
     for name, (time, column) in values.items():
-        column_union = np.full(len(union), np.nan)
-        column_union[np.searchsorted(union, time)] = column
+        column_union = np.full(row[-1] + 1 if len(row) else 0, np.nan)
+        order = np.argsort(time, kind="stable")
+        column_union[row[np.searchsorted(union, time[order])]] = column[order]
         columns[name] = column_union
-    return union, columns
+    starts = np.flatnonzero(np.diff(row, prepend=-1))
+    return union[starts], columns
 
 
-def _rotate(columns: dict[str, Floats], kind: str, mount: Floats) -> None:
+def _bursts(union: Stamps, stamps: Sequence[Stamps]) -> NDArray[np.int64]:
+    """Row of each stamp: those of a burst share one, unless it is longer than BURST."""
+    steps = [np.median(np.diff(time)) for time in stamps if len(time) > 1]
+    near = min(BURST, min(steps, default=0) / 4)
+    burst = np.cumsum(np.diff(union, prepend=union[:1]) > near)
+    first = np.flatnonzero(np.diff(burst, prepend=-1))
+    last = np.append(first[1:], len(union)) - 1
+    whole = (union[last] - union[first] <= near)[burst] if len(union) else np.empty(0, np.bool_)
+    new = np.diff(burst, prepend=-1) > 0
+    row: NDArray[np.int64] = np.cumsum(new | ~whole) - 1
+    return row
+
+
+def _mount(found: Signals, roles: list[str], mount: Floats) -> None:
     """Turn one sensor triad to vehicle axes; an axis that needs an unmapped one is an error."""
-    names = [f"{kind}_{axis}" for axis in AXES]
-    there = [name in columns for name in names]
+    there = [role in found for role in roles]
     if not any(there):
         return
-    size = len(next(iter(columns.values())))
-    sensor = [columns.get(name, np.zeros(size)) for name in names]
-    for name in names:
-        columns.pop(name, None)
-    for row, name in zip(mount, names, strict=True):
+    time, sensor = _united({role: found.pop(role) for role in roles if role in found})
+    for row, role in zip(mount, roles, strict=True):
         needs = [abs(c) > NEGLIGIBLE for c in row]
         if any(need and not has for need, has in zip(needs, there, strict=True)):
             if sum(needs) > 1:
                 lacking = [
-                    n for n, need, has in zip(names, needs, there, strict=True) if need > has
+                    r for r, need, has in zip(roles, needs, there, strict=True) if need > has
                 ]
                 raise ConfigError(f"imu: mount turns several axes; map {', '.join(lacking)} too")
             continue
-        columns[name] = sum(
-            (c * s for c, s, need in zip(row, sensor, needs, strict=True) if need), np.zeros(size)
-        )
+        parts = (c * sensor[r] for c, r, need in zip(row, roles, needs, strict=True) if need)
+        found[role] = time, sum(parts, np.zeros(len(time)))
 
 
 def gaps(tables: Iterable[Table], minimum: float = 1.0) -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.ingest import can
-from roadlog.ingest.frame import Frame, Recording
+from roadlog.ingest.frame import Frame, Recording, absent
 from roadlog.ingest.profile import Profile
 from roadlog.types import Floats, Stamps
 
@@ -26,21 +26,41 @@ def recognizes(path: Path) -> bool:
         return file.read(8) in (MAGIC, b"UnFinMF ")
 
 
+def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
+    """Names of the channels, and of what the bus may hold where frames were logged."""
+    with _opened(path) as file:
+        found: set[str] = set()
+        for group in file.groups:
+            here = [channel.name for channel in group.channels]
+            if BUS in here:
+                found |= can.names(can.load(dbc))
+            else:
+                found |= {*here, *(f"{_title(group)}.{name}" for name in here)}
+        return found
+
+
 def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """Channel groups that the profile reads, and decoded bus frames.
 
     Raises LogReadError, MissingExtraError.
     """
+    messages = can.load(dbc)
+    with _opened(path) as file:
+        try:
+            return _read(file, path, profile, messages)
+        except LogReadError:
+            raise
+        except Exception as error:  # asammdf raises whatever a broken block leads to
+            raise LogReadError(f"{path}: cannot be read as MDF: {error}") from error
+
+
+def _opened(path: Path) -> Any:
     try:
         from asammdf import MDF
     except ImportError:
         raise MissingExtraError("an MDF file", "mdf") from None
-    messages = can.load(dbc)
     try:
-        with MDF(path) as file:
-            return _read(file, path, profile, messages)
-    except LogReadError:
-        raise
+        return MDF(path)
     except Exception as error:  # asammdf raises whatever a broken block leads to
         raise LogReadError(f"{path}: cannot be read as MDF: {error}") from error
 
@@ -74,11 +94,11 @@ def _group(file: Any, index: int, epoch: int, name: str, profile: Profile) -> Fr
     for number, channel in enumerate(group.channels):
         if channel.channel_type in (2, 3):  # master and virtual master: the time itself
             continue
-        if channel.name in profile.names or f"{_title(group)}.{channel.name}" in profile.names:
+        if profile.reads(channel.name, _title(group)):
             signal = file.get(group=index, index=number)
             columns[channel.name], units[channel.name] = signal.samples, signal.unit
         else:
-            columns[channel.name] = np.broadcast_to(np.float64("nan"), len(time))
+            columns[channel.name] = absent(len(time))
     return Frame(_title(group), name, time, columns, units)
 
 

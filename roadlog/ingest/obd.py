@@ -15,6 +15,7 @@ from roadlog.ingest.profile import Profile
 from roadlog.types import Floats, Stamps
 
 POSITIVE = 0x41  # answer to service 01
+FRAME = "OBD"  # name of the frames that hold its parameters
 PROFILE = "obd2"
 
 
@@ -50,7 +51,7 @@ def answers(time: Stamps, data: NDArray[np.uint8], file: str) -> list[Frame]:
             a, b = data[rows, 3].astype(np.float64), data[rows, 4].astype(np.float64)
             columns = {parameter.name: parameter.value(a, b)}
             units = {parameter.name: parameter.unit}
-            found.append(Frame("OBD", file, time[rows], columns, units))
+            found.append(Frame(FRAME, file, time[rows], columns, units))
     return found
 
 
@@ -81,7 +82,7 @@ def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
         except ValueError:
             bad += 1
     frames = [
-        Frame("OBD", path.name, np.array(times), {p.name: np.array(values)}, {p.name: p.unit})
+        Frame(FRAME, path.name, np.array(times), {p.name: np.array(values)}, {p.name: p.unit})
         for number, (times, values) in rows.items()
         if values and (p := PARAMETERS.get(number))
     ]

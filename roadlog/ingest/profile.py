@@ -6,9 +6,10 @@ import math
 import operator
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
+from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,8 @@ TIME_KEYS = ("column", "unit", "clock")
 ENTRY_KEYS = ("from", "file", "unit", "scale", "offset", "delay", "valid")
 ORTHOGONAL = 1e-3  # how far a mount matrix may be from a rotation: three printed digits
 
+FITTING = 3  # signals that make a shipped profile fit, where it has more
+
 _COMPARISONS: dict[str, Callable[[Any, Any], Any]] = {
     "==": operator.eq,
     "!=": operator.ne,
@@ -37,6 +40,10 @@ _COMPARISONS: dict[str, Callable[[Any, Any], Any]] = {
 }
 _CONDITION = re.compile(r"^\s*(.+?)\s*(==|!=|<=|>=|<|>)\s*([-+.\deE]+)\s*$")
 _DURATION = re.compile(r"^\s*([-+.\deE]+)\s*([a-z]+)\s*$")
+
+
+class AbsentError(ConfigError):
+    """A signal of the profile is not in the source."""
 
 
 @dataclass(frozen=True)
@@ -63,10 +70,13 @@ class Condition:
 
 @dataclass(frozen=True)
 class Entry:
-    """One signal: SI value = (raw * scale + offset) * unit, at raw time - delay [s]."""
+    """One signal: SI value = (raw * scale + offset) * unit, at raw time - delay [s].
+
+    sources: names in the source; the first one that is there counts.
+    """
 
     role: str
-    source: str
+    sources: tuple[str, ...]
     file: str = ""
     unit: str = ""
     scale: float = 1.0
@@ -80,6 +90,8 @@ class Profile:
     """A checked profile.
 
     entries: section -> field -> entry. mounts: section -> rotation matrix, vehicle = R @ sensor.
+    family: it comes with roadlog and describes a kind of source, whose members need not have all
+    of its signals; a user's own file means every line of it.
     """
 
     name: str
@@ -87,6 +99,7 @@ class Profile:
     clock: Clock = Clock()
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
     mounts: Mapping[str, Floats] = field(default_factory=dict)
+    family: bool = False
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Profile:
@@ -94,7 +107,7 @@ class Profile:
         path = Path(name_or_path)
         if path.suffix != ".toml" and str(name_or_path) in shipped():
             text = files("roadlog").joinpath(f"profiles/{name_or_path}.toml").read_text("utf-8")
-            return cls.from_toml(text, str(name_or_path))
+            return replace(cls.from_toml(text, str(name_or_path)), family=True)
         if not path.is_file():
             raise ConfigError(
                 f"{name_or_path}: no such profile file, and no shipped profile of that name. "
@@ -141,12 +154,20 @@ class Profile:
     @property
     def names(self) -> set[str]:
         """Every source name that the profile reads."""
-        found = set()
+        found: set[str] = set()
         for entry in self:
-            found.add(entry.source)
+            found.update(entry.sources)
             if entry.valid:
                 found.add(entry.valid.name)
         return found
+
+    def reads(self, column: str, *frames: str) -> bool:
+        """Whether the profile names a column, alone or after one of its frame's names."""
+        return column in self._wanted or any(f"{f}.{column}" in self._wanted for f in frames)
+
+    @cached_property
+    def _wanted(self) -> frozenset[str]:
+        return frozenset(self.names | ({self.clock.column} if self.clock.column else set()))
 
     def __iter__(self) -> Iterator[Entry]:
         return (entry for table in self.entries.values() for entry in table.values())
@@ -160,31 +181,48 @@ def shipped() -> list[str]:
     )
 
 
-def find(entry_name: str, entry: Entry, frames: list[Frame]) -> tuple[Frame, str]:
-    """The frame and column that an entry's source (or its condition) means.
+def fitting(names: Set[str]) -> Profile | None:
+    """The shipped profile of which most signals are among a source's names, where one stands out.
 
-    A name is a column, or `FRAME.COLUMN` where several frames have the column. Raises ConfigError
-    with the near names.
+    A profile fits with all of its signals, or with three at least.
+    """
+    best: list[tuple[int, Profile]] = []
+    for name in shipped():
+        profile = Profile.load(name)
+        entries = list(profile)
+        found = sum(any(source in names for source in entry.sources) for entry in entries)
+        if found >= min(len(entries), FITTING):
+            best.append((found, profile))
+    most = max((found for found, _ in best), default=0)
+    fits = [profile for found, profile in best if found == most]
+    return fits[0] if len(fits) == 1 else None
+
+
+def find(entry: Entry, frames: Sequence[Frame]) -> tuple[Frame, str]:
+    """The frame and column that an entry means: of its sources the first one that is there.
+
+    A name is a column, or `FRAME.COLUMN` with a frame's name or kind where several have the
+    column. Raises AbsentError with the near names, ConfigError for one that means several.
     """
     among = [f for f in frames if not entry.file or _any_match(f.file, entry.file)]
     if not among:
         names = ", ".join(sorted({f.file for f in frames}))
-        raise ConfigError(f"{entry.role}: no source file matches '{entry.file}' (have: {names})")
-    found = [(f, c) for f in among for c in f.columns if entry_name in (c, f"{f.name}.{c}")]
-    if not found:
-        known = {c for f in among for c in f.columns}
-        full = {f"{f.name}.{c}" for f in among for c in f.columns if f.name}
-        choices = full if "." in entry_name and full else known
-        raise ConfigError(
-            f"{entry.role}: the source has no '{entry_name}'. {near(entry_name, choices)}"
-        )
-    if len(found) > 1:
-        places = ", ".join(f"{f.name or f.file}.{c}" for f, c in found)
-        raise ConfigError(
-            f"{entry.role}: '{entry_name}' is in several places ({places}); "
-            f'write one of them, or add file = "..."'
-        )
-    return found[0]
+        raise AbsentError(f"{entry.role}: no source file matches '{entry.file}' (have: {names})")
+    for source in entry.sources:
+        found = [(f, c) for f in among for c in f.columns if source in (c, *f.full(c))]
+        if len(found) > 1:
+            places = ", ".join(f"{f.name or f.file}.{c}" for f, c in found)
+            raise ConfigError(
+                f"{entry.role}: '{source}' is in several places ({places}); "
+                f'write one of them, or add file = "..."'
+            )
+        if found:
+            return found[0]
+    wanted = entry.sources[0]
+    known = {c for f in among for c in f.columns}
+    full = {f"{f.name}.{c}" for f in among for c in f.columns if f.name}
+    choices = full if "." in wanted and full else known
+    raise AbsentError(f"{entry.role}: the source has no '{wanted}'. {near(wanted, choices)}")
 
 
 def _any_match(files_: str, pattern: str) -> bool:
@@ -273,13 +311,22 @@ def _entry(role: str, value: Any, section: Any, where: str) -> Entry:
         raise ConfigError(f'{where}: must be {{ from = "NAME", unit = "UNIT" }}')
     for key in value:
         _known(key, ENTRY_KEYS, f"{where}: unknown key '{key}'")
-    for key in ("from", "file", "unit", "valid"):
+    for key in ("file", "unit", "valid"):
         if key in value and not isinstance(value[key], str):
             raise ConfigError(f"{where}: {key} must be a text")
+    sources = value.get("from")
+    if isinstance(sources, str):
+        sources = [sources]
+    if sources is not None and not (
+        isinstance(sources, list) and all(isinstance(name, str) for name in sources)
+    ):
+        raise ConfigError(
+            f"{where}: from must be a text, or a list of which the first found counts"
+        )
     for key in ("scale", "offset"):
         if key in value and not _is_number(value[key]):
             raise ConfigError(f"{where}: {key} must be a number")
-    if not value.get("from"):
+    if not sources or not all(sources):
         raise ConfigError(f"{where}: from is missing")
     expected = next(s.unit for s in section.signals if s.role == role)
     unit = value.get("unit", "")
@@ -289,7 +336,7 @@ def _entry(role: str, value: Any, section: Any, where: str) -> Entry:
         raise ConfigError(f"{where}: unit is missing (roadlog keeps it in {expected})")
     return Entry(
         role,
-        value["from"],
+        tuple(sources),
         value.get("file", ""),
         unit,
         float(value.get("scale", 1.0)),

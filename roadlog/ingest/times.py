@@ -2,63 +2,135 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
 import numpy as np
+from numpy.typing import NDArray
 
-from roadlog.errors import ConfigError, LogReadError
-from roadlog.types import Floats, Stamps
+from roadlog.errors import ConfigError, LogReadError, near
+from roadlog.types import Bools, Floats, Stamps
 from roadlog.units import to_si
 
-# forms that loggers write besides ISO 8601
+# forms that loggers write besides ISO 8601, up to the minute; month names are English
 FORMATS = (
-    "%d-%b-%Y %H:%M:%S.%f",  # iOS loggers: 24-May-2019 18:11:23.018
-    "%d-%b-%Y %H:%M:%S",
-    "%d.%m.%Y %H:%M:%S.%f",
-    "%d.%m.%Y %H:%M:%S",
-    "%m/%d/%Y %H:%M:%S.%f",
-    "%m/%d/%Y %H:%M:%S",
-    "%Y/%m/%d %H:%M:%S.%f",
-    "%Y/%m/%d %H:%M:%S",
-    "%H:%M:%S.%f",
-    "%H:%M:%S",
+    "%d-%b-%Y %H:%M",  # iOS loggers: 24-May-2019 18:11:23.018
+    "%d-%b-%Y %I:%M%p",
+    "%d %b %Y %H:%M",
+    "%b %d, %Y %H:%M",
+    "%b %d, %Y %I:%M%p",
+    "%d.%m.%Y %H:%M",
+    "%m/%d/%Y %H:%M",
+    "%m/%d/%Y %I:%M%p",
+    "%Y/%m/%d %H:%M",
+    "%Y_%m_%d %H:%M",
+    "%H:%M",
+)
+# head up to the minute, seconds, fraction, and what follows: a zone, AM or PM
+_CLOCK = re.compile(
+    r"^\s*(.*?\d{1,2}:\d{2}):(\d{2})(?:[.,:](\d+))?\s*([A-Za-z]{0,3}|[+-]\d{2}:?\d{2})\s*$"
 )
 TIME_NAMES = ("time_ns", "time", "t", "timestamp", "timestamps", "time_s", "seconds", "datetime")
 
 
-def from_numbers(values: Floats, unit: str) -> Stamps:
+def time_column(names: Sequence[str], column: str, where: str) -> str:
+    """The time column of a table: the profile's, or the first of a usual name.
+
+    Raises ConfigError with the near names.
+    """
+    if column:
+        if column not in names:
+            raise ConfigError(f"{where}: no time column '{column}'. {near(column, names)}")
+        return column
+    folded = {name.lower(): name for name in reversed(names)}
+    for name in TIME_NAMES:
+        if name in folded:
+            return folded[name]
+    raise ConfigError(
+        f'{where}: which column is the time? Say [time] column = "..." in the profile. '
+        + near("time", names)
+    )
+
+
+def stamps(values: NDArray, unit: str, where: str, before: int = 0) -> tuple[Stamps, Bools]:
+    """ns of each row of a time column that has one, and which rows these are.
+
+    values: numbers, datetime64 or texts. before: rows before these, for messages. Raises
+    LogReadError naming the row, ConfigError for a unit that is not clear.
+    """
+    if values.dtype.kind == "M":
+        keep: Bools = ~np.isnat(values)
+        return values[keep].astype("datetime64[ns]").astype(np.int64), keep
+    if values.dtype.kind in "OUS":
+        keep = np.array([bool(str(value).strip()) for value in values], np.bool_)
+        return from_texts([str(v) for v in values[keep]], where, before), keep
+    keep = np.isfinite(values)
+    if not keep.any():
+        raise LogReadError(f"{where}: the time column holds no number")
+    return from_numbers(values[keep], unit or unit_of(values, where)), keep
+
+
+def unit_of(values: NDArray, where: str) -> str:
+    """`guess_unit` of the known ones. Raises ConfigError."""
+    try:
+        return guess_unit(np.asarray(values[np.isfinite(values)], np.float64))
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from None
+
+
+def from_numbers(values: NDArray, unit: str) -> Stamps:
     """ns from numbers in a unit of time; the first one keeps its full value."""
     nanoseconds = round(to_si(unit, "s") * 1e9)
+    if values.dtype.kind in "iu":
+        return values.astype(np.int64) * nanoseconds
     whole = np.floor(values)
     return whole.astype(np.int64) * nanoseconds + np.rint((values - whole) * nanoseconds).astype(
         np.int64
     )
 
 
-def from_texts(texts: Sequence[str], where: str) -> Stamps:
+def from_texts(texts: Sequence[str], where: str, before: int = 0) -> Stamps:
     """ns since the epoch from dates and times; a time without zone is taken as UTC.
 
     Raises LogReadError naming the row.
     """
-    first = texts[0].strip()
-    form = next((form for form in FORMATS if _fits(first, form)), None)
-    stamps = np.empty(len(texts), np.int64)
+    minutes: dict[tuple[str, str], int] = {}  # what stands around the seconds -> ns
+    result = np.empty(len(texts), np.int64)
     for k, text in enumerate(texts):
+        match = _CLOCK.match(text)
         try:
-            text = text.strip()
-            moment = datetime.strptime(text, form) if form else datetime.fromisoformat(text)
+            if match is None:
+                raise ValueError
+            head, seconds, fraction, tail = match.groups()
+            key = head, tail
+            if key not in minutes:
+                minutes[key] = _minute(head, tail)
+            rest = int(seconds) * 10**9 + int((fraction or "0")[:9].ljust(9, "0"))
+            result[k] = minutes[key] + rest
         except ValueError:
             raise LogReadError(
-                f"{where}, row {k + 1}: '{text}' is no time that is understood; "
+                f"{where}, row {before + k + 1}: '{text}' is no time that is understood; "
                 f"give [time] unit in the profile, or ISO 8601"
             ) from None
-        aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-        if form and form.startswith("%H"):
-            aware = aware.replace(year=1970)  # a clock without a date starts at the epoch
-        delta = aware - datetime(1970, 1, 1, tzinfo=UTC)
-        stamps[k] = (delta.days * 86400 + delta.seconds) * 10**9 + delta.microseconds * 1000
-    return stamps
+    return result
+
+
+def _minute(head: str, tail: str) -> int:
+    """ns of a moment without its seconds: `2019-05-24T18:11` and `Z`. Raises ValueError."""
+    tail = tail.strip()
+    text = head.strip()
+    form = next((form for form in FORMATS if _fits(text + tail, form)), None)
+    if form:
+        moment = datetime.strptime(text + tail, form)
+    else:
+        moment = datetime.fromisoformat(f"{text}:00{tail}")
+    if moment.tzinfo is None:
+        moment = moment.replace(tzinfo=UTC)
+    if form and form.startswith(("%H", "%I")):
+        moment = moment.replace(year=1970)  # a clock without a date starts at the epoch
+    delta = moment - datetime(1970, 1, 1, tzinfo=UTC)
+    return (delta.days * 86400 + delta.seconds) * 10**9
 
 
 def _fits(text: str, form: str) -> bool:

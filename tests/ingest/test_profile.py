@@ -22,8 +22,10 @@ def frame(name: str = "", **columns: list[float]) -> Frame:
 
 
 def table_of(text: str, *frames: Frame, section: str):
-    tables, _, _ = mapping.apply(Profile.from_toml(text, "test"), list(frames))
-    return next(t for t in tables if t.topic == SECTIONS[section].topic)
+    profile = Profile.from_toml(text, "test")
+    located, _ = mapping.locate(profile, list(frames))
+    found, _ = mapping.signals(profile, located)
+    return next(t for t in mapping.tables(found) if t.topic == SECTIONS[section].topic)
 
 
 def test_scale_offset_and_unit_apply_in_that_order():
@@ -94,7 +96,7 @@ def test_a_mount_needs_every_axis_that_it_mixes():
         "[imu]\nmount = { rpy_deg = [0, 5, 0] }\n"
         'accel_x = { from = "x", unit = "m/s^2" }\naccel_y = { from = "y", unit = "m/s^2" }'
     )
-    with pytest.raises(ConfigError, match="map accel_z too"):
+    with pytest.raises(ConfigError, match=r"map imu\.accel_z too"):
         table_of(text, frame(x=[1.0], y=[2.0]), section="imu")
 
 
