@@ -69,7 +69,7 @@ def report(
     Example: roadlog report drives/ "more/*.mcap" -o report --jobs 4
     """
     from roadlog.report import batch, page, run
-    from roadlog.report.run import finish, output_folder, read_report
+    from roadlog.report.run import finish, output_folder, read_options, read_report
 
     page.require()
     if write_back and profile:
@@ -78,13 +78,16 @@ def report(
         raise typer.BadParameter("is for this machine, not for --cluster", param_hint="--jobs")
     if against:
         read_report(against)  # a wrong name should not show after hours of work
-    options = _options(names, vehicle, profile, write_back)
     if not paths:
+        if names or vehicle or profile or write_back or cluster:
+            raise typer.BadParameter("is needed to work on logs", param_hint="PATH")
+        rows = list(read_report(out).values())
         with output_folder(out, fetch=True) as folder:
-            rows = list(read_report(str(folder)).values())
+            options = read_options(folder)
             made = finish(rows, options, folder, against=against or "", threshold=threshold / 100)
         _end(made, out)
         return
+    options = _options(names, vehicle, profile, write_back)
 
     from roadlog.report.sources import LOG_SUFFIXES, SOURCE_SUFFIXES, find
 

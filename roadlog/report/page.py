@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from datetime import UTC, datetime
 from functools import cache
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from roadlog.errors import MissingExtraError
+from roadlog.errors import ConfigError, MissingExtraError
 from roadlog.report.detail import script_json
 from roadlog.report.row import STATUSES, Options
 from roadlog.report.table import Row
@@ -240,8 +241,10 @@ def _parameters(rows: Sequence[Row]) -> str:
     """The estimators' parameters as they were, by name."""
     from roadlog import estimators
 
-    names = sorted({name for row in rows for name in row["estimators"]})
-    values = {name: asdict(estimators.get(name).configure({})) for name in names}
+    values = {}
+    for name in sorted({name for row in rows for name in row["estimators"]}):
+        with suppress(ConfigError):  # a plug-in that only the workers have
+            values[name] = asdict(estimators.get(name).configure({}))
     return json.dumps(values, indent=1, default=str)
 
 

@@ -6,7 +6,7 @@ import json
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
@@ -29,6 +29,7 @@ from roadlog.report.table import Row
 DETAILS = "details"
 PASSES = "passes"
 ROAD_PROFILE = "road_profile.parquet"
+OPTIONS = "options.json"  # what the rows were made with
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,7 @@ def run(
     rows = dict(done)
     try:
         _forget(folder, keep=done)
+        (folder / OPTIONS).write_text(json.dumps(asdict(options), indent=1), encoding="utf-8")
         if todo:
             for row in _work(todo, options, folder, engine()):
                 rows[row["log"]] = row
@@ -135,6 +137,16 @@ def read_report(where: str) -> dict[str, Row]:
     if not rows:
         raise LogReadError(f"{where}: holds no report (no {table.ROWS})")
     return rows
+
+
+def read_options(folder: Path) -> Options:
+    """What the rows of a report were made with. Raises LogReadError."""
+    path = folder / OPTIONS
+    try:
+        found = json.loads(path.read_text("utf-8"))
+        return Options(**{**found, "estimators": tuple(found["estimators"])})
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise LogReadError(f"{path}: cannot tell how the report was made: {error}") from error
 
 
 def _work(todo: Sequence[Source], options: Options, folder: Path, engine: Engine) -> Iterator[Row]:
