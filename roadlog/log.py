@@ -58,6 +58,9 @@ class DriveLog:
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
+        self._open()
+
+    def _open(self) -> None:
         self._reader = LogReader(self.path)
         self.channels: tuple[Channel, ...] = self._reader.channels
         self.metadata = self._reader.metadata
@@ -139,6 +142,8 @@ class DriveLog:
             drop_metadata=records.__contains__,
             out=out,
         )
+        if out is None:
+            self._open()  # the file is another one now
 
 
 def _record(estimate: Estimate, drive: Drive, engine: str) -> dict[str, str]:

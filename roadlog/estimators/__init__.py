@@ -89,7 +89,7 @@ def run(
     said = [f"applied from the vehicle file: {', '.join(changes)}"] if changes else []
     drive = corrected(drive, vehicle)
     started = time.perf_counter()
-    estimate = estimator.run(drive, vehicle, params, engine).bounded()
+    estimate = estimator.with_systematic(estimator.run(drive, vehicle, params, engine)).bounded()
     return dataclasses.replace(
         estimate,
         name=estimator.name,

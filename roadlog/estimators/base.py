@@ -34,6 +34,8 @@ class Estimator:
     needs: roles that must be in the drive; alternatives are joined by `|`, "speed" stands for any
     speed. gives: angles. vehicle: vehicle parameters the method uses; the run notes those that
     are only defaults. causal: uses no sample of the future in its default parameters.
+    systematic_deg: angle -> one sd of what the method's own formula does not know (the sensor's
+    offset, its mounting, the body's motion), added in quadrature; source: docs/consistency.md.
     """
 
     name: str
@@ -46,10 +48,19 @@ class Estimator:
     causal: bool = False
     vehicle: tuple[str, ...] = ()
     aliases: tuple[str, ...] = ()
+    systematic_deg: Mapping[str, float] = field(default_factory=dict)
 
     def missing(self, drive: Drive) -> list[str]:
         """The needs that the drive does not meet."""
         return [need for need in self.needs if not _met(need, drive)]
+
+    def with_systematic(self, estimate: Estimate) -> Estimate:
+        """The estimate with `systematic_deg` in its standard deviations."""
+        sd = {
+            angle: np.hypot(values, np.radians(self.systematic_deg.get(angle, 0.0)))
+            for angle, values in estimate.sd.items()
+        }
+        return dataclasses.replace(estimate, sd=sd)
 
     def configure(self, settings: Mapping[str, Any]) -> Any:
         """The parameters with some of them set; text is read as the parameter's type.

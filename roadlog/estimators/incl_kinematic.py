@@ -61,4 +61,5 @@ INCL_KINEMATIC = Estimator(
     gives=("inclination",),
     reference="Massel/Kim/Wang chapter, 1.7",
     summary="inclination from acceleration minus dv/dt, sample by sample; straight driving",
+    systematic_deg={"inclination": 0.5},
 )

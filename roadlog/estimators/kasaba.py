@@ -147,4 +147,5 @@ KASABA = Estimator(
     gives=("pitch",),
     reference="Kasaba 2015 as compared with in Kim 2023 (reconstruction)",
     summary="pitch of the load from the direction of acceleration while driving",
+    systematic_deg={"pitch": 0.5},
 )

@@ -128,4 +128,5 @@ KMBE = Estimator(
     reference="Luo 2024, eq. (38)",
     summary="kinematic Kalman filter: grade from speed and longitudinal acceleration",
     vehicle=("pitch_gradient", "roll_gradient", "mass", "rear_cornering_stiffness"),
+    systematic_deg={"grade": 0.35},
 )

@@ -86,4 +86,5 @@ LS_ATTITUDE = Estimator(
     gives=("inclination",),
     reference="Wang 2025, baseline",
     summary="inclination as the mean over 6 s of acceleration minus dv/dt; straight driving",
+    systematic_deg={"inclination": 0.45},
 )

@@ -76,4 +76,5 @@ PN = Estimator(
     gives=("grade", "pitch", "inclination"),
     reference="Massel 2004, polynomial method",
     summary="grade and pitch by a polynomial; needs large dv/dt, small grades and a smooth road",
+    systematic_deg={"grade": 3.0, "pitch": 3.0, "inclination": 0.6},
 )

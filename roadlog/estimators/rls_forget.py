@@ -162,4 +162,5 @@ RLS_FORGET = Estimator(
     gives=("grade", "pitch", "inclination"),
     reference="Massel 2004, eqs. (16)-(18)",
     summary="pitch and grade by recursive least squares; needs changing dv/dt and a smooth road",
+    systematic_deg={"inclination": 0.7},
 )

@@ -283,4 +283,5 @@ ROLL_BANK_OBS = Estimator(
         "front_cornering_stiffness",
         "rear_cornering_stiffness",
     ),
+    systematic_deg={"roll": 0.05},
 )

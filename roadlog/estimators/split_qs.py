@@ -55,4 +55,5 @@ SPLIT_QS = Estimator(
     reference="Ryu 2004, steady state of eqs. (17) and (19)",
     summary="steady lean of the body: bank = total roll less what the side force explains",
     vehicle=("roll_gradient",),
+    systematic_deg={"bank": 0.04, "roll": 0.06},
 )

@@ -174,4 +174,5 @@ TI = Estimator(
     gives=("grade", "pitch", "inclination"),
     reference="Massel 2004, eqs. (19)-(22)",
     summary="grade and pitch by trigonometric identities; needs large dv/dt and a smooth road",
+    systematic_deg={"grade": 4.5, "pitch": 4.5, "inclination": 0.45},
 )

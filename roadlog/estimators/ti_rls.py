@@ -98,4 +98,5 @@ TI_RLS = Estimator(
     gives=("grade", "pitch", "inclination"),
     reference="Massel 2004, combination",
     summary="ti where dv/dt is large, rls_forget where it is small; needs a smooth road",
+    systematic_deg={"grade": 2.7, "pitch": 2.7, "inclination": 0.6},
 )
