@@ -21,6 +21,7 @@ from roadlog.signals import (
     split_estimate_topic,
 )
 from roadlog.storage import Channel, LogReader, Table, update_log, write_log
+from roadlog.storage.lock import exclusive
 from roadlog.types import Bools, Flags, Floats, Stamps
 from roadlog.vehicle import Vehicle
 from roadlog.version import __version__
@@ -134,14 +135,15 @@ class DriveLog:
             parts = split_estimate_topic(topic)
             return parts is not None and parts[0] in names
 
-        update_log(
-            self.path,
-            [table for estimate in estimates for table in estimate.tables(drive)],
-            records,
-            drop=is_replaced,
-            drop_metadata=records.__contains__,
-            out=out,
-        )
+        with exclusive(self.path):
+            update_log(
+                self.path,
+                [table for estimate in estimates for table in estimate.tables(drive)],
+                records,
+                drop=is_replaced,
+                drop_metadata=records.__contains__,
+                out=out,
+            )
         if out is None:
             self._open()  # the file is another one now
 

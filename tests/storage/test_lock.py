@@ -1,0 +1,64 @@
+"""Two writers on one log: neither loses what the other wrote."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from roadlog import estimators
+from roadlog.drive import Drive
+from roadlog.errors import LogWriteError
+from roadlog.log import DriveLog
+from roadlog.storage.lock import exclusive
+
+
+def test_a_writer_waits_for_the_other(hill_log: Path, hill_drive: Drive) -> None:
+    log = DriveLog(hill_log)
+    estimate = estimators.run("incl_kinematic", hill_drive, log.vehicle)
+    writer = threading.Thread(
+        target=log.write, args=([estimate], hill_drive), kwargs={"engine": "compiled"}
+    )
+    before = hill_log.read_bytes()
+    with exclusive(hill_log):
+        writer.start()
+        writer.join(0.3)
+        assert writer.is_alive()
+        assert hill_log.read_bytes() == before
+    writer.join(30)
+    assert not writer.is_alive()
+    assert DriveLog(hill_log).estimators == ["incl_kinematic"]
+
+
+def test_processes_that_write_at_once_keep_each_others_results(hill_log: Path) -> None:
+    names = ["incl_kinematic", "ls_attitude", "lowpass_attitude", "ls_window"]
+    command = [sys.executable, "-m", "roadlog", "estimate", str(hill_log), "-e"]
+    runs = [subprocess.Popen([*command, name], stdout=subprocess.DEVNULL) for name in names]
+    assert [run.wait(120) for run in runs] == [0] * len(names)
+    assert DriveLog(hill_log).estimators == sorted(names)
+
+
+def test_the_lock_is_on_the_file_that_is_there_now(tmp_path: Path) -> None:
+    path, other = tmp_path / "x.mcap", tmp_path / "new"
+    path.write_text("old")
+    order = []
+
+    def second() -> None:
+        with exclusive(path):
+            order.append(path.read_text())
+
+    with exclusive(path):
+        waiter = threading.Thread(target=second)
+        waiter.start()
+        other.write_text("new")
+        other.replace(path)
+    waiter.join(30)
+    assert order == ["new"]
+
+
+def test_a_log_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(LogWriteError, match="cannot be opened"), exclusive(tmp_path / "no.mcap"):
+        pass
