@@ -57,8 +57,8 @@ def _section(name: str, topic: str, schema: str, units: dict[str, str], **kinds:
     return Section(name, topic, f"roadlog.v1.{schema}", tuple(signals))
 
 
-_WHEELS = ("fl", "fr", "rl", "rr")
-_TORQUES = [f"{kind}_{wheel}" for kind in ("drive", "brake") for wheel in _WHEELS]
+WHEELS = ("fl", "fr", "rl", "rr")
+_TORQUES = [f"{kind}_{wheel}" for kind in ("drive", "brake") for wheel in WHEELS]
 
 
 def _held(fields: list[str]) -> dict[str, Kind]:
@@ -74,7 +74,7 @@ SECTIONS: dict[str, Section] = {
             "Imu",
             {f"accel_{a}": "m/s^2" for a in "xyz"} | {f"gyro_{a}": "rad/s" for a in "xyz"},
         ),
-        _section("wheel_speeds", "/wheel_speeds", "WheelSpeeds", dict.fromkeys(_WHEELS, "m/s")),
+        _section("wheel_speeds", "/wheel_speeds", "WheelSpeeds", dict.fromkeys(WHEELS, "m/s")),
         _section("speed", "/speed", "Speed", {"v": "m/s"}),
         _section(
             "steering",

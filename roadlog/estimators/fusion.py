@@ -12,31 +12,42 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roadlog.drive import Drive
+from roadlog.drive import Drive, runs
 from roadlog.estimate import Detail, Estimate, complete_angles
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.fusion_inputs import SpeedSource, build, grid, vibration
+from roadlog.estimators.fusion_inputs import RATE, SpeedSource, build, grid, vibration
 from roadlog.estimators.fusion_model import (
     ALTITUDE,
     BA,
+    BAROMETER,
     BG,
+    CLOSURE,
     EAST,
     EP,
     ER,
+    FORWARD,
+    HB,
+    HC,
     HEADING,
     HO,
     KAPPA,
     KBETA,
     KPHI,
+    KSIDE,
     KTHETA,
+    LATERAL,
+    LEAN,
     MPHI,
     MPSI,
     MTHETA,
+    NOSE,
     PHI,
     PSI,
     ROLL,
     TAU,
     THETA,
+    TIRE,
+    UNSIGNED,
     UP,
     XR,
     YW,
@@ -58,8 +69,10 @@ from roadlog.estimators.fusion_smoother import (
     Smoothed,
     smooth,
 )
+from roadlog.estimators.fusion_torque import torque_bias
 from roadlog.filters import Engine
 from roadlog.types import Bools, Floats
+from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import Vehicle
 
 DEG = np.pi / 180
@@ -70,6 +83,8 @@ SPEED_GAP = 3.0  # s without speed, flagged (section 7)
 SETTLE = 2.0  # s at the ends of a run of the IMU, flagged
 LINEAR_TIRES = 5.0  # m/s2 of lateral specific force, beyond which tires are not linear
 OFFSET_LIMIT = 0.15 * DEG  # sd of the mean of grade or bank, beyond which it is not observable
+ROAD_BAND = 1.5  # Hz, what changes faster is the body on its springs, not the road
+SAME_GAIN = 0.01  # a roll gradient this near m h / k was computed, not measured
 FAST_GNSS = 5.0  # Hz; slower receivers are of the consumer kind, with a slower and larger error
 
 OUTPUTS = {
@@ -93,6 +108,7 @@ CONSTANTS = {
     "mounting_yaw": MPSI,
     "speed_scale": KAPPA,
     "pitch_gradient": KTHETA,
+    "pitch_gradient_side": KSIDE,
     "roll_gradient": KPHI,
     "slip_gradient": KBETA,
     "speed_delay": TAU,
@@ -113,6 +129,9 @@ class FusionParameters:
     speed_scale_sd: float = parameter(0.01, "-", "prior")
     speed_delay_sd: float = parameter(0.1, "s", "prior; 0.03 where one logger stamps all")
     pitch_gain_sd: float = parameter(0.001, "rad/(m/s2)", "prior")
+    pitch_side_sd: float = parameter(
+        0.0004, "rad/(m/s2)", "prior of the pitch gain's excess when driving over braking"
+    )
     roll_gain_sd: float = parameter(0.0015, "rad/(m/s2)", "prior")
     load_pitch_sd: float = parameter(
         0.0, "rad", "prior of the body's pitch by load; 0: pitch is against the unmoving body"
@@ -121,16 +140,22 @@ class FusionParameters:
     vertical_noise: float = parameter(0.05, "m/s2/sqrt(Hz)", "upward, at least")
     vertical_vibration: float = parameter(0.5, "-", "upward noise per vibration of the road")
     gyro_noise: float = parameter(0.02 * DEG, "rad/sqrt(s)", "of the tilt")
-    body_angle_sd: float = parameter(0.05 * DEG, "rad", "body angle the gains do not explain")
+    body_angle_sd: float = parameter(0.025 * DEG, "rad", "body angle the gains do not explain")
     body_vibration: float = parameter(
-        2.5 * DEG, "rad/(m/s2/sqrt(Hz))", "body angle per vibration of the road"
+        1.8 * DEG, "rad/(m/s2/sqrt(Hz))", "body angle per vibration of the road"
     )
     body_share: float = parameter(0.08, "-", "body angle, as a share of the explained one")
+    body_inertia_share: float = parameter(
+        0.25, "-", "body angle, as a share of the one that its inertia explains"
+    )
     body_time: float = parameter(0.5, "s", "correlation time of the body angle")
     speed_sd: float = parameter(0.15, "m/s", "of a step's speed; wheel errors are correlated")
     creep_speed_sd: float = parameter(0.3, "m/s", "of a step's speed below 1 m/s")
     slip_sd: float = parameter(0.15, "m/s", "sideways slip beyond the linear tire")
-    contact_sd: float = parameter(0.10, "m/s", "velocity out of the road")
+    contact_sd: float = parameter(0.10, "m/s", "velocity out of the road, at least")
+    contact_vibration: float = parameter(
+        2.5, "m/s/(m/s2/sqrt(Hz))", "velocity out of the road per vibration"
+    )
     gate: float = parameter(4.0, "sd", "residuals beyond this lose weight")
 
 
@@ -138,6 +163,9 @@ def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Eng
     """All angles with their uncertainty, and every constant found with its standard error."""
     steps, source = build(drive, vehicle, params.speed_sd, params.creep_speed_sd)
     mean, P0 = priors(vehicle, params, source)
+    torque = torque_bias(drive, vehicle, steps)
+    if torque is not None:
+        know_torque(mean, P0, *torque)
     steps.starts[:] += mean
     noise = noise_of(steps, vehicle, params, drive)
     result = smooth(steps, noise, P0, 1, engine)
@@ -149,13 +177,18 @@ def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Eng
     offset = np.sqrt(np.maximum(result.variance[:, :2] - result.shape_variance, 0.0))
     alive = _nearest(time, steps.alive, drive.time)
     out = {name: np.interp(drive.time, time, values) for name, values in angles.items()}
-    sd = {name: np.interp(drive.time, time, np.sqrt(values)) for name, values in variance.items()}
+    reported = np.isfinite(shape[:, GRADE])
+    known = time[reported]
+    sd = {
+        name: np.interp(drive.time, known, np.sqrt(values[reported]))
+        for name, values in variance.items()
+    }
     for values in (*out.values(), *sd.values()):
         values[~alive] = np.nan
-    unknown = np.interp(drive.time, time, (offset > OFFSET_LIMIT).any(axis=1)) > 0.5
+    unknown = np.interp(drive.time, known, (offset[reported] > OFFSET_LIMIT).any(axis=1)) > 0.5
     missing = _without_speed(source, drive.time)
     settling = ~_eroded(alive, round(SETTLE * drive.rate))
-    lateral = np.interp(drive.time, time, np.abs(steps.sway[:, 2]))
+    lateral = np.interp(drive.time, time, np.abs(steps.sway[:, TIRE]))
     flags = (
         flag(~alive | missing, "missing")
         | flag(_nearest(time, steps.still, drive.time), "standstill")
@@ -166,20 +199,21 @@ def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Eng
     details = {
         "shape": Detail(
             "roadlog.v1.FusionShape",
-            time,
-            {"grade_shape_sd": shape[:, GRADE], "bank_shape_sd": shape[:, BANK]},
+            known,
+            {"grade_shape_sd": shape[reported, GRADE], "bank_shape_sd": shape[reported, BANK]},
         ),
         "constants": _constants(result, time),
     }
     out = complete_angles(out)
-    notes = [f"used: {', '.join(_used(steps, source))}", *_offset_notes(offset, steps)]
+    used = [*_used(steps, source), *(["torques"] if torque is not None else [])]
+    notes = [f"used: {', '.join(used)}", *_offset_notes(offset[reported])]
     return Estimate(drive.time, out, sd, alive & ~missing, flags, details, notes)
 
 
 def priors(
     vehicle: Vehicle, params: FusionParameters, source: SpeedSource
 ) -> tuple[Floats, Floats]:
-    """Prior of the constants (26,) and of all states (26, 26) (section 3)."""
+    """Prior of the constants (29,) and of all states (29, 29) (section 3)."""
     mean, sd = np.zeros(N), np.zeros(N)
     sd[[U, V, W]] = 1.0, 0.3, 0.3
     sd[[PHI, THETA]] = 3 * DEG
@@ -191,8 +225,9 @@ def priors(
         params.mounting_sd if mounted is None else np.maximum(mounted, CALIBRATED_MOUNTING)
     )
     sd[KAPPA] = params.speed_scale_sd
-    mean[KTHETA], mean[KPHI] = vehicle.pitch_gain, vehicle.roll_gain
+    mean[KTHETA], mean[KPHI] = vehicle.pitch_gain, _roll_gain(vehicle)
     sd[KTHETA] = vehicle.source("pitch_gradient").sd or params.pitch_gain_sd
+    sd[KSIDE] = params.pitch_side_sd
     sd[KPHI] = vehicle.source("roll_gradient").sd or params.roll_gain_sd
     known = vehicle.source("rear_cornering_stiffness").kind != "default"
     slip = vehicle.mass * vehicle.cg_to_front_axle / vehicle.wheelbase
@@ -204,8 +239,29 @@ def priors(
     else:
         mean[XR], sd[XR] = -1.4, 0.7
     mean[YW], sd[YW] = source.offset, source.offset_sd
-    sd[PSI], sd[H], sd[HO] = 0.3, 5.0, 1.0
+    sd[PSI], sd[H], sd[HO], sd[HB], sd[HC] = 0.3, 5.0, 1.0, 1.0, 5.0
     return mean, np.diag(sd**2)
+
+
+def _roll_gain(vehicle: Vehicle) -> float:
+    """rad/(m/s2), body roll per lateral specific force in the road's plane (section 8.4).
+
+    m h / k is per force along the body's own axis, which the roll itself increases by g K.
+    """
+    gain = vehicle.roll_gain
+    if vehicle.roll_stiffness is None:
+        return gain
+    of_body = vehicle.mass * vehicle.roll_arm / vehicle.roll_stiffness
+    return gain / (1 - G * gain) if abs(gain / of_body - 1) < SAME_GAIN else gain
+
+
+def know_torque(mean: Floats, P0: Floats, bias: float, sd: float) -> None:
+    """Put the accelerometer bias that the wheel torques tell into the prior (section 6)."""
+    h = np.zeros(N)
+    h[BA], h[MTHETA] = 1.0, G
+    gain = P0 @ h / (h @ P0 @ h + sd**2)
+    mean += gain * (bias - h @ mean)
+    P0 -= np.outer(gain, h @ P0)
 
 
 def noise_of(steps: Steps, vehicle: Vehicle, params: FusionParameters, drive: Drive) -> Noise:
@@ -222,18 +278,21 @@ def noise_of(steps: Steps, vehicle: Vehicle, params: FusionParameters, drive: Dr
         accel_bias=1e-4,
         body=params.body_angle_sd + params.body_vibration * rough,
         body_gain=params.body_share,
+        inertia_gain=params.body_inertia_share,
         body_time=params.body_time,
         pitch_gain=vehicle.pitch_gain,
-        roll_gain=vehicle.roll_gain,
+        roll_gain=_roll_gain(vehicle),
         yaw=0.02 * DEG,
         yaw_gain=0.002,
         altitude=1e-3,
         altimeter=1.0 if fast else 2.0,
         altimeter_time=60.0 if fast else 120.0,
+        barometer=1.0,
+        barometer_time=120.0,
         slip_sd=params.slip_sd,
         slip_gain=0.003,
         slip_yaw=0.05,
-        contact_sd=params.contact_sd,
+        contact_sd=float(np.hypot(params.contact_sd, params.contact_vibration * rough)),
         still_sd=0.02,
         still_gyro_sd=0.05 * DEG,
         every=round(0.1 / steps.dt),
@@ -247,24 +306,39 @@ def _angles(
 ) -> tuple[dict[str, Floats], dict[str, Floats]]:
     """The road's and the body's angles and all variances on the smoother's steps (section 7).
 
-    Mounting and load turn the body alike: data give their sum, the priors divide it.
+    Mounting and load turn the body alike: data give their sum, the priors divide it. Of what the
+    road does faster than ROAD_BAND the body's own bounce is the larger part; it counts as body.
     """
     x, s = result.x, steps.sway
-    pitch = x[:, KTHETA] * s[:, 0] + x[:, EP]
-    roll = x[:, KPHI] * s[:, 1] + x[:, ER]
+    pitch = x[:, KTHETA] * s[:, FORWARD] + x[:, KSIDE] * s[:, UNSIGNED] + s[:, NOSE] + x[:, EP]
+    roll = x[:, KPHI] * s[:, LATERAL] + s[:, LEAN] + x[:, ER]
+    inclination, roll_total = x[:, THETA] - x[:, MTHETA], x[:, PHI] - x[:, MPHI]
+    grade = _slow(inclination - pitch, steps.alive)
+    bank = _slow(roll_total - roll, steps.alive)
     load, mounting = params.load_pitch_sd**2, P0[MTHETA, MTHETA]
     share = load / (load + mounting)
     angles = {
-        "grade": x[:, THETA] - x[:, MTHETA] - pitch,
-        "bank": x[:, PHI] - x[:, MPHI] - roll,
-        "pitch": pitch + share * x[:, MTHETA],
-        "roll": roll,
+        "grade": grade,
+        "bank": bank,
+        "pitch": inclination - grade + share * x[:, MTHETA],
+        "roll": roll_total - bank,
     }
     static = share**2 * result.P_end[MTHETA, MTHETA] + share * mounting
     variance = {name: result.variance[:, column] for name, column in OUTPUTS.items()}
     for name in ("pitch", "inclination"):
         variance[name] = variance[name] + static
     return angles, variance
+
+
+def _slow(values: Floats, alive: Bools) -> Floats:
+    """Zero-phase Gaussian low-pass, halving ROAD_BAND, over each run of the IMU."""
+    from scipy.ndimage import gaussian_filter1d
+
+    width = RATE * np.sqrt(np.log(2) / 2) / (np.pi * ROAD_BAND)
+    result = values.copy()
+    for run in runs(alive):
+        result[run] = gaussian_filter1d(values[run], width, mode="nearest")
+    return result
 
 
 def _constants(result: Smoothed, time: Floats) -> Detail:
@@ -285,16 +359,18 @@ def _used(steps: Steps, source: SpeedSource) -> list[str]:
         ALTITUDE: "altitude",
         HEADING: "antenna heading",
         ROLL: "antenna roll",
+        BAROMETER: "barometer",
+        CLOSURE: "places seen again",
     }
     fixes = [name for column, name in names.items() if np.isfinite(steps.fixes[:, column]).any()]
     return ["imu", source.name, *fixes, *(["stops"] if steps.still.any() else [])]
 
 
-def _offset_notes(offset: Floats, steps: Steps) -> list[str]:
+def _offset_notes(offset: Floats) -> list[str]:
     """A sentence on an angle whose mean no sensor of this drive can tell."""
     notes = []
     for name, column in (("grade", GRADE), ("bank", BANK)):
-        sd = float(np.median(offset[steps.alive, column]))
+        sd = float(np.median(offset[:, column]))
         if sd > OFFSET_LIMIT:
             notes.append(
                 f"the mean of {name} is known to {np.degrees(sd):.2f} deg only (1 sd); its shape "

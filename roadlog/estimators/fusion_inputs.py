@@ -14,13 +14,21 @@ from roadlog.drive import Drive, Samples, nan_mean, runs
 from roadlog.errors import EstimatorError
 from roadlog.estimators.fusion_model import (
     ALTITUDE,
+    BAROMETER,
+    CLOSURE,
     EAST,
+    FORWARD,
     HEADING,
+    LATERAL,
+    LEAN,
     NORTH,
+    NOSE,
     PHI,
     PSI,
     ROLL,
     THETA,
+    TIRE,
+    UNSIGNED,
     UP,
     H,
     N,
@@ -37,7 +45,7 @@ MAX_IMU_GAP = 0.2  # s, bridged by interpolation; longer ones begin a new run
 MIN_RUN = 1.0  # s, shorter runs of the IMU are not used
 START = 2.0  # s, over which the first tilt is averaged
 SUSPENSION_START = 20  # samples, mean of which the suspension filters begin with
-PITCH_MODE = (1.4, 0.37)  # Hz, damping ratio of body pitch
+PITCH_MODE = (1.4, 0.37)  # Hz, damping ratio of body pitch where the vehicle file says nothing
 ROLL_MODE = (1.65, 0.34)  # of body roll
 TIRE_MODE = (8.0, 0.7)  # of the rear slip
 REFERENCE_HEIGHT = 0.08  # m over the ground, of the reference point when the IMU position is known
@@ -52,11 +60,20 @@ MIN_COURSE_SPEED = 1.0  # m/s, below this the course is noise
 ALTITUDE_INTERVAL = 1.0  # s, between altitudes used: their error is correlated over more than that
 ACCURACY_FACTOR = 2.0  # receivers' errors are correlated over several samples
 VELOCITY_SD, CLIMB_SD, ALTITUDE_SD = 0.06, 0.12, 1.0  # m/s, m/s, m; where nothing is reported
+BAROMETER_SD = 0.3  # m, of one value; its slow error is a state
+CLOSURE_SD = 0.5  # m, altitude at a second visit of a place (section 6)
 HEADING_SD, ROLL_SD = np.radians(0.3), np.radians(0.6)
 GNSS_DELAYS = np.arange(-30, 151) / 100  # s, tried for the receiver against the car's own speed
+METERS_PER_DEGREE = 111_195.0  # of latitude, on a sphere
+REVISIT_STEP = 0.2  # s between places that are compared
+REVISIT_GAP = 3.0  # s between fixes; across more the place is not known
+REVISIT_RADIUS, REVISIT_HEIGHT = 4.0, 3.0  # m; a lane beside is as high, a floor above is not
+REVISIT_TIME, REVISIT_PATH = 20.0, 100.0  # s, m between two visits
 DELAY_CORRELATION = (
     5.0  # the sd of a delay grows by this: the residuals of speeds are no white noise
 )
+DELAY_COHERENCE = 0.9  # correlation of the two speeds, below which no delay is looked for
+DELAY_SPREAD = 0.5  # m/s, sd of the speed, below which neither
 DELAY_GATE = 3.0  # sd, a smaller delay is not applied
 
 
@@ -99,16 +116,11 @@ def build(
     shown = _interpolated(source, time)
     still = _standstill(shown, point, alive)
     speed[still] = np.nan  # the standstill rows say it better
-    sway = np.zeros((n, 3))
+    sway = np.zeros((n, LEAN + 1))
     for run in runs(alive):
-        drives = (
-            (point[run, 0], PITCH_MODE, 1 - G * vehicle.pitch_gain),
-            (point[run, 1], ROLL_MODE, 1 - G * vehicle.roll_gain),
-            (point[run, 1], TIRE_MODE, 1 - G * vehicle.roll_gain),
-        )
-        for column, (force, mode, in_plane) in enumerate(drives):
-            sway[run, column] = in_plane * second_order(force, *mode, RATE)
+        sway[run] = _sway(point[run], vehicle)
     fixes, fixes_sd = _fixes(drive, time, source)
+    clone = revisits(drive, time, alive, fixes, fixes_sd)
     start = np.full(n, -1, np.int64)
     starts: list[Floats] = []
     for run in runs(alive):
@@ -126,6 +138,7 @@ def build(
         still=still,
         fixes=fixes,
         fixes_sd=fixes_sd,
+        clone=clone,
         alive=alive,
         start=start,
         starts=np.array(starts),
@@ -133,6 +146,60 @@ def build(
         height=height,
     )
     return steps, source
+
+
+def _sway(point: Floats, vehicle: Vehicle) -> Floats:
+    """What moves the body on its springs and the rear axle sideways, (n, 6) (section 4).
+
+    Of `body_pitch`: a lagged specific force and the lagged angular acceleration times the inertia,
+    which needs no derivative: the lag's own input less its output, over its time.
+    """
+    inertia, lag = body_mode(vehicle, "pitch")
+    lateral_inertia, lateral_lag = body_mode(vehicle, "roll")
+    sway = np.empty((len(point), LEAN + 1))
+    in_plane, in_bend = 1 - G * vehicle.pitch_gain, 1 - G * vehicle.roll_gain
+    sway[:, FORWARD] = in_plane * first_order(point[:, 0], lag)
+    sway[:, UNSIGNED] = in_plane * first_order(np.abs(point[:, 0]), lag)
+    sway[:, LATERAL] = in_bend * first_order(point[:, 1], lateral_lag)
+    sway[:, TIRE] = in_bend * second_order(point[:, 1], *TIRE_MODE, RATE)
+    p, q = point[:, 3], point[:, 4]
+    sway[:, NOSE] = inertia * (q - first_order(q, lag)) / lag
+    sway[:, LEAN] = -lateral_inertia * (p - first_order(p, lateral_lag)) / lateral_lag
+    return sway
+
+
+def body_mode(vehicle: Vehicle, axis: str) -> tuple[float, float]:
+    """J in s2 and c in s of the body's balance of moments (`fusion_model.body_pitch`).
+
+    Inertia, stiffness and damping of the vehicle file where it has them. The specific force is
+    that of the reference point: a body that turns about it also swings its mass.
+    """
+    if axis == "pitch":
+        frequency, ratio = PITCH_MODE
+        names = "pitch_inertia", "pitch_stiffness", "pitch_damping"
+        arm = vehicle.cg_height - REFERENCE_HEIGHT
+    else:
+        frequency, ratio = ROLL_MODE
+        names = "roll_inertia", "roll_stiffness", "roll_damping"
+        arm = vehicle.roll_arm
+    w = 2 * np.pi * frequency
+    inertia, lag = 1 / w**2, 2 * ratio / w
+    of_body, stiffness, damping = (getattr(vehicle, name) for name in names)
+    if stiffness is not None and vehicle.source(names[0]).kind != "default":
+        swing = vehicle.mass * arm**2 if vehicle.imu_position is not None else 0.0
+        inertia = (of_body + swing) / stiffness
+        lag = 2 * ratio * np.sqrt(inertia)
+    if stiffness is not None and damping is not None:
+        lag = damping / stiffness
+    return inertia, lag
+
+
+def first_order(values: Floats, lag: float) -> Floats:
+    """Unit-gain first-order low-pass (bilinear), begun at the mean of its first samples."""
+    from scipy.signal import bilinear, lfilter, lfilter_zi
+
+    b, a = bilinear([1.0], [lag, 1.0], RATE)
+    return lfilter(b, a, values, zi=lfilter_zi(b, a) * values[:SUSPENSION_START].mean())[0]
 
 
 def second_order(values: Floats, frequency: float, damping: float, rate: float) -> Floats:
@@ -146,14 +213,21 @@ def second_order(values: Floats, frequency: float, damping: float, rate: float) 
 
 
 def vibration(steps: Steps) -> float:
-    """m/s2/sqrt(Hz), how rough the road is: median PSD of f_z in 0.3-2 Hz (section 5, `vib`)."""
+    """m/s2/sqrt(Hz), how rough the road is: median PSD of f_z in 0.3-2 Hz (section 5, `vib`).
+
+    Median over time as well: curbs and hairpins are not the road.
+    """
     from scipy.signal import welch
 
     levels, weights = [], []
     for run in runs(steps.alive):
         size = run.stop - run.start
         frequency, psd = welch(
-            steps.force_at[run, 2], RATE, nperseg=min(size, round(10 * RATE)), detrend="linear"
+            steps.force_at[run, 2],
+            RATE,
+            nperseg=min(size, round(10 * RATE)),
+            detrend="linear",
+            average="median",
         )
         band = (frequency >= 0.3) & (frequency <= 2.0)
         if band.any():
@@ -309,14 +383,15 @@ def gnss_delay(drive: Drive, source: SpeedSource) -> float:
     margin = max(abs(GNSS_DELAYS[0]), GNSS_DELAYS[-1])
     inside = (own > source.time[0] + margin) & (own < source.time[-1] - margin)
     own, speed = own[inside], speed[inside]
-    if len(own) < 10:
-        return 0.0
+    total = float(np.sum((speed - np.mean(speed)) ** 2)) if len(own) else 0.0
+    if len(own) < 10 or total < len(own) * DELAY_SPREAD**2:
+        return 0.0  # at constant speed there is nothing to align
     misfits = np.empty(len(GNSS_DELAYS))
     for i, delay in enumerate(GNSS_DELAYS):
         A = np.stack([np.ones(len(own)), np.interp(own - delay, source.time, source.value)], axis=1)
         misfits[i] = np.sum((speed - A @ np.linalg.lstsq(A, speed, rcond=None)[0]) ** 2)
     best = int(np.argmin(misfits))
-    if best in (0, len(misfits) - 1):
+    if best in (0, len(misfits) - 1) or misfits[best] > (1 - DELAY_COHERENCE**2) * total:
         return 0.0
     step = GNSS_DELAYS[1] - GNSS_DELAYS[0]
     left, low, right = misfits[best - 1 : best + 2]
@@ -327,9 +402,9 @@ def gnss_delay(drive: Drive, source: SpeedSource) -> float:
 
 
 def _fixes(drive: Drive, time: Floats, source: SpeedSource) -> tuple[Floats, Floats]:
-    """The GNSS rows at the nearest steps and their sd, (n, 6); the barometer where no altitude."""
+    """The rows of receiver and barometer at the nearest steps and their sd, (n, 8)."""
     n = len(time)
-    fixes, sd = np.full((n, 6), np.nan), np.ones((n, 6))
+    fixes, sd = np.full((n, CLOSURE + 1), np.nan), np.ones((n, CLOSURE + 1))
     gnss = drive.native.get("gnss", Samples(np.empty(0), {}))
     unknown = np.full(len(gnss.time), np.nan)
 
@@ -357,17 +432,67 @@ def _fixes(drive: Drive, time: Floats, source: SpeedSource) -> tuple[Floats, Flo
     }
     for index, (values, spread) in entries.items():
         _place(fixes, sd, index, at, values, spread)
-    altimeter = at, column("altitude")
-    if np.isnan(altimeter[1]).all() and "barometer" in drive.native:
+    altimeters = [(ALTITUDE, at, column("altitude"), ALTITUDE_SD)]
+    if "barometer" in drive.native:
         barometer = drive.native["barometer"]
-        altimeter = barometer.time, barometer.columns["altitude"]
-    own, altitude = _known(*altimeter)
-    if len(own):
-        chosen = np.unique(np.floor(own / ALTITUDE_INTERVAL), return_index=True)[1]
-        own, altitude = own[chosen], altitude[chosen]
-        _place(fixes, sd, ALTITUDE, own, altitude, np.full(len(own), ALTITUDE_SD))
-        fixes[:, ALTITUDE] -= altitude[0]
+        altimeters.append((BAROMETER, barometer.time, barometer.columns["altitude"], BAROMETER_SD))
+    for index, times, values, noise in altimeters:
+        own, altitude = _known(times, values)
+        if len(own):
+            chosen = np.unique(np.floor(own / ALTITUDE_INTERVAL), return_index=True)[1]
+            own, altitude = own[chosen], altitude[chosen] - altitude[0]
+            _place(fixes, sd, index, own, altitude, np.full(len(own), noise))
     return fixes, sd
+
+
+def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: Floats) -> Bools:
+    """Steps whose altitude is kept; places seen again become rows of `fixes` (section 6).
+
+    By the receiver's position, where its altitude agrees: ramps of a car park lie above each other.
+    One altitude is kept at a time.
+    """
+    from scipy.spatial import cKDTree
+
+    clone = np.zeros(len(time), np.bool_)
+    names = "latitude", "longitude", "altitude"
+    gnss = drive.native.get("gnss", Samples(np.empty(0), {}))
+    if any(name not in gnss.columns for name in names):
+        return clone
+    known = np.all([np.isfinite(gnss.columns[name]) for name in names], axis=0)
+    own = gnss.time[known]
+    latitude, longitude, altitude = (gnss.columns[name][known] for name in names)
+    if len(own) < 2 or np.ptp(longitude) > 1.0:  # deg; none so long, or across the date line
+        return clone
+    north = METERS_PER_DEGREE * (latitude - latitude[0])
+    east = METERS_PER_DEGREE * np.cos(np.radians(latitude[0])) * (longitude - longitude[0])
+    path = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(east), np.diff(north)))])
+    at = np.arange(own[0], own[-1], REVISIT_STEP)
+    gap = np.diff(own)[np.clip(np.searchsorted(own, at, side="right") - 1, 0, len(own) - 2)]
+    at = at[gap < REVISIT_GAP]
+    if not len(at):
+        return clone
+    place = np.stack([np.interp(at, own, east), np.interp(at, own, north)], axis=1)
+    height, driven = np.interp(at, own, altitude), np.interp(at, own, path)
+    run = np.cumsum(~alive)  # the same number on both sides of no gap
+    kept = 0
+    for j, near in enumerate(cKDTree(place).query_ball_point(place, REVISIT_RADIUS)):
+        k = round(at[j] * RATE)
+        if k >= len(time) or not alive[k]:
+            continue
+        for i in sorted(i for i in near if kept <= i < j):
+            first = round(at[i] * RATE)
+            if (
+                alive[first]
+                and run[first] == run[k]
+                and at[j] - at[i] > REVISIT_TIME
+                and driven[j] - driven[i] > REVISIT_PATH
+                and abs(height[j] - height[i]) < REVISIT_HEIGHT
+            ):
+                clone[first + 1] = True
+                fixes[k, CLOSURE], fixes_sd[k, CLOSURE] = 0.0, CLOSURE_SD
+                kept = j
+                break
+    return clone
 
 
 def _place(

@@ -2,7 +2,8 @@
 
 A strapdown model in body axes (velocity and tilt of one point of the car) whose constants - sensor
 biases, mounting, gains, lever arms - are states too. Both engines run these functions.
-Source: fusion chapter, sections 3 (states), 5 (process) and 6 (rows).
+Source: fusion chapter, sections 3 (states), 5 (process) and 6 (rows); the body's angle on its
+springs is taken one step further than there (`body_pitch`).
 """
 
 from __future__ import annotations
@@ -21,33 +22,39 @@ from roadlog.units import STANDARD_GRAVITY as G
 # of the IMU against the horizontal. EP, ER: rad, body pitch and roll that the suspension gains do
 # not explain. BG, BA: biases of gyro (rad/s) and accelerometer (m/s2), three each. MPHI, MTHETA,
 # MPSI: rad, IMU against the unmoving body. KAPPA: speed scale. KTHETA, KPHI: rad/(m/s2),
-# suspension gains. KBETA: rad/(m/s2), rear slip angle per lateral specific force. TAU: s, delay of
-# the speed. XR: m, rear axle from the reference point. YW: m, speed sensor to the left of it.
-# PSI: rad, yaw from east, counterclockwise. H: m, altitude. HO: m, slow error of the altimeter.
+# suspension gains. KSIDE: rad/(m/s2), by which the pitch gain is larger when driving and smaller
+# when braking. KBETA: rad/(m/s2), rear slip angle per lateral specific force. TAU: s, delay of the
+# speed. XR: m, rear axle from the reference point. YW: m, speed sensor to the left of it. PSI: rad,
+# yaw from east, counterclockwise. H: m, altitude. HO, HB: m, slow errors of the receiver's altitude
+# and of the barometer. HC: m, altitude at an earlier visit of a place.
 U, V, W, PHI, THETA, EP, ER = range(7)
 BG, BA = 7, 10
-MPHI, MTHETA, MPSI, KAPPA, KTHETA, KPHI, KBETA, TAU, XR, YW = range(13, 23)
-PSI, H, HO = 23, 24, 25
-N = 26
-MOVING = np.array([U, V, W, PHI, THETA, EP, ER, PSI, H, HO])  # all others are constants
-COUPLED = np.array([U, V, W, PHI, THETA, PSI, H])  # rows of F that differ from the identity
+MPHI, MTHETA, MPSI, KAPPA, KTHETA, KSIDE, KPHI, KBETA, TAU, XR, YW = range(13, 24)
+PSI, H, HO, HB, HC = range(24, 29)
+N = 29
+MOVING = np.array([U, V, W, PHI, THETA, EP, ER, PSI, H, HO, HB, HC])  # all others are constants
+COUPLED = np.array([U, V, W, PHI, THETA, PSI, H, HC])  # rows of F that couple states
+DECAYING = np.array([EP, ER, HO, HB])  # rows of F with one number below 1
 
 # Measurement rows, in the order in which they are applied.
 SPEED, SLIP, CONTACT, STILL_VELOCITY, STILL_GYRO, FIX = 0, 1, 2, 3, 6, 9
-EAST, NORTH, UP, ALTITUDE, HEADING, ROLL = range(6)  # columns of `fixes`
-ROWS = FIX + 6
+EAST, NORTH, UP, ALTITUDE, HEADING, ROLL, BAROMETER, CLOSURE = range(8)  # columns of `fixes`
+ROWS = FIX + 8
+FORWARD, LATERAL, TIRE, UNSIGNED, NOSE, LEAN = range(6)  # columns of `sway`
 
 
 class Steps(NamedTuple):
     """What the smoother is fed, on its own grid of k = 0 .. n-1.
 
     dt: s. force, rate: (n, 3) mean over [k, k+1) of specific force (m/s2) and rate (rad/s) of the
-    reference point. force_at, rate_at: (n, 3) at k. sway: (n, 3) m/s2, specific force that drives
-    body pitch, body roll and rear slip. speed, speed_sd: (n,) m/s, NaN where there is no sample.
-    still: (n,). fixes, fixes_sd: (n, 6) velocity east, north, up (m/s), altitude (m), yaw and
-    roll (rad) of a GNSS receiver. alive: (n,) the IMU is there. start: (n,) row of `starts` where
-    a run of the IMU begins, else -1. starts: (m, 26) states to begin with. antenna: (3,) m from the
-    reference point. height: m, reference point over the ground.
+    reference point. force_at, rate_at: (n, 3) at k. sway: (n, 6) specific force that drives body
+    pitch, body roll, rear slip, and that of pitch without its sign (m/s2), then pitch and roll by
+    the body's inertia (rad). speed, speed_sd: (n,) m/s, NaN where there is no sample. still: (n,).
+    fixes, fixes_sd: (n, 8) velocity east, north, up (m/s), altitude (m), yaw and roll (rad) of a
+    GNSS receiver, altitude of a barometer (m), and 0 where a place is visited again. clone: (n,)
+    where the altitude is kept for that. alive: (n,) the IMU is there. start: (n,) row of `starts`
+    where a run of the IMU begins, else -1. starts: (m, 29) states to begin with. antenna: (3,) m
+    from the reference point. height: m, reference point over the ground.
     """
 
     dt: float
@@ -61,6 +68,7 @@ class Steps(NamedTuple):
     still: Bools
     fixes: Floats
     fixes_sd: Floats
+    clone: Bools
     alive: Bools
     start: NDArray[np.int64]
     starts: Floats
@@ -80,7 +88,8 @@ class Noise(NamedTuple):
     gyro_bias: float  # rad/s/sqrt(s)
     accel_bias: float  # m/s2/sqrt(s)
     body: float  # rad, body angle that the suspension gains do not explain
-    body_gain: float  # -, share of the explained body angle
+    body_gain: float  # -, share of the body angle explained by the suspension gains
+    inertia_gain: float  # -, share of the body angle explained by its inertia
     body_time: float  # s
     pitch_gain: float  # rad/(m/s2), prior mean
     roll_gain: float  # rad/(m/s2), prior mean
@@ -89,6 +98,8 @@ class Noise(NamedTuple):
     altitude: float  # m/sqrt(s)
     altimeter: float  # m, slow error of the altimeter
     altimeter_time: float  # s
+    barometer: float  # m, slow error of the barometer
+    barometer_time: float  # s
     slip_sd: float  # m/s
     slip_gain: float  # -, share of the tire slip velocity
     slip_yaw: float  # m, times the yaw rate
@@ -102,7 +113,7 @@ class Noise(NamedTuple):
 
 @njit(cache=True)
 def derivative(x: Floats, f: Floats, w: Floats, dx: Floats) -> None:
-    """Time derivatives of the states into dx (26,) (section 5); constants have none."""
+    """Time derivatives of the states into dx (29,) (section 5); constants have none."""
     p, q, r = w[0] - x[BG], w[1] - x[BG + 1], w[2] - x[BG + 2]
     sph, cph, sth, cth = sin(x[PHI]), cos(x[PHI]), sin(x[THETA]), cos(x[THETA])
     u, v, z = x[U], x[V], x[W]
@@ -117,8 +128,11 @@ def derivative(x: Floats, f: Floats, w: Floats, dx: Floats) -> None:
 
 
 @njit(cache=True)
-def propagate(x: Floats, f: Floats, w: Floats, dt: float, noise: Noise) -> Floats:
-    """The states one step later, by the midpoint rule; small errors decay (section 5)."""
+def propagate(x: Floats, f: Floats, w: Floats, dt: float, noise: Noise, clone: bool) -> Floats:
+    """The states one step later, by the midpoint rule; small errors decay (section 5).
+
+    clone: keep the altitude for the next visit of this place.
+    """
     dx = np.empty(N)
     derivative(x, f, w, dx)
     derivative(x + 0.5 * dt * dx, f, w, dx)
@@ -126,12 +140,15 @@ def propagate(x: Floats, f: Floats, w: Floats, dt: float, noise: Noise) -> Float
     y[EP] *= exp(-dt / noise.body_time)
     y[ER] *= exp(-dt / noise.body_time)
     y[HO] *= exp(-dt / noise.altimeter_time)
+    y[HB] *= exp(-dt / noise.barometer_time)
+    if clone:
+        y[HC] = x[H]
     return y
 
 
 @njit(cache=True)
-def transition(x: Floats, w: Floats, dt: float, noise: Noise, F: Floats) -> None:
-    """F = I + dt A into F (26, 26), A the Jacobian of `derivative` (section 5)."""
+def transition(x: Floats, w: Floats, dt: float, noise: Noise, clone: bool, F: Floats) -> None:
+    """F = I + dt A into F (29, 29), A the Jacobian of `derivative` (section 5)."""
     p, q, r = w[0] - x[BG], w[1] - x[BG + 1], w[2] - x[BG + 2]
     sph, cph, sth, cth = sin(x[PHI]), cos(x[PHI]), sin(x[THETA]), cos(x[THETA])
     tth = sth / cth
@@ -168,13 +185,16 @@ def transition(x: Floats, w: Floats, dt: float, noise: Noise, F: Floats) -> None
     F[H, THETA] = dt * (cth * u - sth * (v * sph + z * cph))
     F[EP, EP] = F[ER, ER] = exp(-dt / noise.body_time)
     F[HO, HO] = exp(-dt / noise.altimeter_time)
+    F[HB, HB] = exp(-dt / noise.barometer_time)
+    if clone:
+        F[HC, HC], F[HC, H] = 0.0, 1.0
 
 
 @njit(cache=True)
 def process_noise(
     x: Floats, f: Floats, w: Floats, s: Floats, dt: float, noise: Noise, q: Floats
 ) -> None:
-    """Diagonal of Q over one step into q (26,) (section 5)."""
+    """Diagonal of Q over one step into q (29,) (section 5)."""
     q[:] = 0.0
     forward = f[0] - G * sin(x[THETA])
     q[U] = dt * (noise.accel**2 + (noise.accel_gain * forward) ** 2)
@@ -184,14 +204,41 @@ def process_noise(
     q[W] = dt * (noise.vertical**2 + (noise.vertical_gain * w[1] * x[U]) ** 2)
     q[PHI] = q[THETA] = dt * noise.gyro**2
     share = 1.0 - exp(-2 * dt / noise.body_time)
-    q[EP] = share * (noise.body**2 + (noise.body_gain * noise.pitch_gain * s[0]) ** 2)
-    q[ER] = share * (noise.body**2 + (noise.body_gain * noise.roll_gain * s[1]) ** 2)
+    q[EP] = share * (
+        noise.body**2
+        + (noise.body_gain * noise.pitch_gain * s[FORWARD]) ** 2
+        + (noise.inertia_gain * s[NOSE]) ** 2
+    )
+    q[ER] = share * (
+        noise.body**2
+        + (noise.body_gain * noise.roll_gain * s[LATERAL]) ** 2
+        + (noise.inertia_gain * s[LEAN]) ** 2
+    )
     for i in range(3):
         q[BG + i] = dt * noise.gyro_bias**2
         q[BA + i] = dt * noise.accel_bias**2
     q[PSI] = dt * (noise.yaw + noise.yaw_gain * abs(w[2])) ** 2
     q[H] = dt * noise.altitude**2
     q[HO] = noise.altimeter**2 * (1.0 - exp(-2 * dt / noise.altimeter_time))
+    q[HB] = noise.barometer**2 * (1.0 - exp(-2 * dt / noise.barometer_time))
+
+
+@njit(cache=True)
+def body_pitch(x: Floats, s: Floats) -> float:
+    """rad, of the body against the road (section 4), with its mounting.
+
+    Balance of moments of the body on its springs: J angle'' = K f - angle - c angle', where
+    angle'' is the acceleration against the horizontal, which the gyro knows. The first two terms
+    behind the lag c are `sway`; so a body that the road rocks is told from the road itself.
+    """
+    gain = x[KTHETA] * s[FORWARD] + x[KSIDE] * s[UNSIGNED]
+    return x[MTHETA] + gain + s[NOSE] + x[EP]
+
+
+@njit(cache=True)
+def body_roll(x: Floats, s: Floats) -> float:
+    """rad, of the body against the road, with its mounting."""
+    return x[MPHI] + x[KPHI] * s[LATERAL] + s[LEAN] + x[ER]
 
 
 @njit(cache=True)
@@ -200,7 +247,7 @@ def row(
 ) -> tuple[float, float, float]:
     """One measurement row at step k, linearised at x (section 6).
 
-    Writes the row of H into h (26,). Returns residual z - h(x), its sd and the gate in sd (0: no
+    Writes the row of H into h (29,). Returns residual z - h(x), its sd and the gate in sd (0: no
     gate); the residual is NaN where there is no such measurement at this step.
     """
     nothing = (np.nan, 1.0, 0.0)
@@ -227,7 +274,7 @@ def row(
     if kind == SLIP:
         sd = sqrt(
             noise.slip_sd**2
-            + (noise.slip_gain * s[2] * x[U]) ** 2
+            + (noise.slip_gain * s[TIRE] * x[U]) ** 2
             + (noise.slip_yaw * (w[2] - x[BG + 2])) ** 2
         )
         return -_slip(x, w, s, h), sd, noise.gate
@@ -249,7 +296,7 @@ def _speed(x: Floats, f: Floats, w: Floats, steps: Steps, k: int, h: Floats) -> 
     turn the mounting (the chapter saw 6-10 deg).
     """
     q, r = w[1] - x[BG + 1], w[2] - x[BG + 2]
-    body = x[MTHETA] + x[KTHETA] * steps.sway[k, 0] + x[EP]
+    body = body_pitch(x, steps.sway[k])
     change = f[0] - x[BA] - G * sin(x[THETA]) + r * x[V]
     wheel = x[U] - body * x[W] - x[MPSI] * x[V] - r * x[YW] - q * steps.height - x[TAU] * change
     scale = 1.0 + x[KAPPA]
@@ -268,30 +315,35 @@ def _slip(x: Floats, w: Floats, s: Floats, h: Floats) -> float:
     No derivative to the body roll, whose lever w is noise.
     """
     r = w[2] - x[BG + 2]
-    body = x[MPHI] + x[KPHI] * s[1] + x[ER]
-    slip = x[KBETA] * s[2]
+    body = body_roll(x, s)
+    slip = x[KBETA] * s[TIRE]
     h[V], h[W], h[U] = 1.0, -body, x[MPSI] + slip
-    h[BG + 2], h[XR], h[MPSI], h[KBETA] = -x[XR], r, x[U], s[2] * x[U]
+    h[BG + 2], h[XR], h[MPSI], h[KBETA] = -x[XR], r, x[U], s[TIRE] * x[U]
     return x[V] + r * x[XR] + x[MPSI] * x[U] - body * x[W] + slip * x[U]
 
 
 @njit(cache=True)
 def _contact(x: Floats, s: Floats, h: Floats) -> float:
     """m/s, velocity of the car out of the road: 0."""
-    pitch = x[MTHETA] + x[KTHETA] * s[0] + x[EP]
-    roll = x[MPHI] + x[KPHI] * s[1] + x[ER]
+    pitch, roll = body_pitch(x, s), body_roll(x, s)
     h[W], h[V], h[U] = 1.0, roll, pitch
-    h[MPHI], h[KPHI], h[ER] = x[V], s[1] * x[V], x[V]
-    h[MTHETA], h[KTHETA], h[EP] = x[U], s[0] * x[U], x[U]
+    h[MPHI], h[KPHI], h[ER] = x[V], s[LATERAL] * x[V], x[V]
+    h[MTHETA], h[KTHETA], h[KSIDE], h[EP] = x[U], s[FORWARD] * x[U], s[UNSIGNED] * x[U], x[U]
     return x[W] + roll * x[V] + pitch * x[U]
 
 
 @njit(cache=True)
 def _fix(column: int, x: Floats, w: Floats, d: Floats, h: Floats) -> float:
-    """What a GNSS receiver shows: antenna velocity, altitude, yaw or roll of two antennas."""
+    """What a receiver or a barometer shows: antenna velocity, altitude, angles of two antennas."""
     if column == ALTITUDE:
         h[H] = h[HO] = 1.0
         return x[H] + x[HO]
+    if column == BAROMETER:
+        h[H] = h[HB] = 1.0
+        return x[H] + x[HB]
+    if column == CLOSURE:
+        h[H], h[HC] = 1.0, -1.0
+        return x[H] - x[HC]
     if column == HEADING:
         h[PSI], h[MPSI] = 1.0, -1.0
         return x[PSI] - x[MPSI]

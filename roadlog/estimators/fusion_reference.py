@@ -8,6 +8,7 @@ from filterpy.kalman import KalmanFilter
 from roadlog.estimators.fusion_model import MOVING, ROWS, N, Noise, Steps
 from roadlog.estimators.fusion_smoother import (
     given_variances,
+    is_reported,
     output_rows,
     prediction,
     residual_row,
@@ -60,6 +61,7 @@ def rauch_tung_striebel(
             P = P_filtered + C @ (P - P_prior) @ C.T
         k = runs[i]
         xs[k] = x
-        rows = output_rows(steps.sway[k])
-        given_variances(rows @ P @ rows.T, variance[k], shape[k])
+        if is_reported(k, steps, noise):
+            rows = output_rows(steps.sway[k])
+            given_variances(rows @ P @ rows.T, variance[k], shape[k])
     return xs, variance, shape, *filtered[-1]

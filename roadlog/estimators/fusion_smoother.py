@@ -19,17 +19,21 @@ from numpy.typing import NDArray
 from roadlog.estimators.fusion_model import (
     BA,
     COUPLED,
+    DECAYING,
     EP,
     ER,
-    HO,
+    FORWARD,
     KPHI,
+    KSIDE,
     KTHETA,
+    LATERAL,
     MOVING,
     MPHI,
     MTHETA,
     PHI,
     ROWS,
     THETA,
+    UNSIGNED,
     N,
     Noise,
     Steps,
@@ -49,9 +53,10 @@ OFFSETS = np.array([BA, BA + 1, MPHI, MTHETA])  # what shifts a whole grade or b
 
 @dataclass(frozen=True)
 class Smoothed:
-    """x (n, 26): smoothed states, NaN where the IMU is missing. variance (n, 6): rad2, of the
-    outputs. shape_variance (n, 2): of grade and bank if the OFFSETS were known. x_end,
-    P_end: states and covariance after the last step; for the constants, of the whole drive.
+    """x (n, 29): smoothed states, NaN where the IMU is missing. variance (n, 6): rad2, of the
+    outputs, at every tenth of a second and the ends of a run of the IMU, NaN elsewhere.
+    shape_variance (n, 2): of grade and bank if the OFFSETS were known. x_end, P_end: states and
+    covariance after the last step; for the constants, of the whole drive.
     """
 
     x: Floats
@@ -64,7 +69,7 @@ class Smoothed:
 def smooth(
     steps: Steps, noise: Noise, P0: Floats, passes: int = 1, engine: Engine = "compiled"
 ) -> Smoothed:
-    """All states from all measurements. P0 (26, 26): before the first step.
+    """All states from all measurements. P0 (29, 29): before the first step.
 
     passes: every pass after the first one linearises at the result of the one before (iterated
     smoother).
@@ -98,9 +103,10 @@ def prediction(
 ) -> Floats:
     """States predicted for k + 1 from those of k; F and the diagonal of Q go into F and q."""
     point = x if len(at) == 0 else at[k]
-    transition(point, steps.rate[k], steps.dt, noise, F)
-    process_noise(point, steps.force[k], steps.rate[k], steps.sway[k], steps.dt, noise, q)
-    y = propagate(point, steps.force[k], steps.rate[k], steps.dt, noise)
+    force, rate, clone = steps.force[k], steps.rate[k], steps.clone[k + 1]
+    transition(point, rate, steps.dt, noise, clone, F)
+    process_noise(point, force, rate, steps.sway[k], steps.dt, noise, q)
+    y = propagate(point, force, rate, steps.dt, noise, clone)
     if len(at):
         y += _times(F, x - point)
     return y
@@ -135,9 +141,9 @@ def soft_variance(residual: float, spread: float, sd: float, gate: float) -> flo
 
 @njit(cache=True)
 def _times(F: Floats, x: Floats) -> Floats:
-    """F x, where F is the identity but for COUPLED rows and three decays."""
+    """F x, where F is the identity but for COUPLED and DECAYING rows."""
     y = x.copy()
-    for i in (EP, ER, HO):
+    for i in DECAYING:
         y[i] *= F[i, i]
     for i in COUPLED:
         y[i] = 0.0
@@ -148,31 +154,32 @@ def _times(F: Floats, x: Floats) -> Floats:
 
 @njit(cache=True)
 def _predict_covariance(P: Floats, F: Floats, q: Floats, scratch: Floats) -> None:
-    """P <- F P F' + diag(q), in place; only COUPLED and decaying rows need work."""
-    for side in range(2):
-        for c in range(len(COUPLED)):
-            i = COUPLED[c]
+    """P <- F P F' + diag(q), in place; only COUPLED and DECAYING rows need work."""
+    m = len(COUPLED)
+    scratch[:] = 0.0
+    for c in range(m):
+        for j in range(N):
+            a = F[COUPLED[c], j]
+            if a != 0.0:
+                for i in range(N):
+                    scratch[c, i] += a * P[j, i]
+    for c in range(m):
+        i = COUPLED[c]
+        for j in range(N):
+            P[i, j] = P[j, i] = scratch[c, j]
+    for c in range(m):
+        i = COUPLED[c]
+        for d in range(c + 1):
+            both = 0.0
             for j in range(N):
-                scratch[c, j] = 0.0
-            for m in range(N):
-                a = F[i, m]
-                if a != 0.0:
-                    for j in range(N):
-                        scratch[c, j] += a * P[m, j]
-        for c in range(len(COUPLED)):
-            i = COUPLED[c]
-            for j in range(N):
-                P[i, j] = scratch[c, j]
-        for i in (EP, ER, HO):
-            for j in range(N):
-                P[i, j] *= F[i, i]
-        if side == 0:  # the second side works on the transpose
-            for i in range(N):
-                for j in range(i):
-                    P[i, j], P[j, i] = P[j, i], P[i, j]
+                both += F[COUPLED[d], j] * scratch[c, j]
+            P[i, COUPLED[d]] = P[COUPLED[d], i] = both
+    for i in DECAYING:
+        for j in range(N):
+            P[i, j] *= F[i, i]
+        for j in range(N):
+            P[j, i] *= F[i, i]
     for i in range(N):
-        for j in range(i):
-            P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
         P[i, i] += q[i]
 
 
@@ -187,7 +194,7 @@ def _pull_back(L: Floats, F: Floats, scratch: Floats) -> None:
             i = COUPLED[c]
             for j in range(N):
                 L[i, j] -= scratch[c, j]
-        for i in (EP, ER, HO):
+        for i in DECAYING:
             for j in range(N):
                 L[i, j] *= F[i, i]
         for c in range(len(COUPLED)):
@@ -209,8 +216,8 @@ def _pull_back(L: Floats, F: Floats, scratch: Floats) -> None:
 class Piece(NamedTuple):
     """What the filter did in a run of steps, for the way back.
 
-    x (m, 26), P (m, 26, 26): after the rows of a step. F (m, 26, 26): into the step. used (m,):
-    number of rows; h, gain (m, ROWS, 26), residual, spread (m, ROWS): of each row, in their order.
+    x (m, 29), P (m, 29, 29): after the rows of a step. F (m, 29, 29): into the step. used (m,):
+    number of rows; h, gain (m, ROWS, 29), residual, spread (m, ROWS): of each row, in their order.
     """
 
     x: Floats
@@ -253,10 +260,11 @@ def _forward(
             if not np.isfinite(residual):
                 continue
             spread = 0.0
-            for i in range(N):
-                Ph[i] = 0.0
-                for j in range(N):
-                    Ph[i] += P[i, j] * h[j]
+            Ph[:] = 0.0
+            for j in range(N):
+                if h[j] != 0.0:
+                    for i in range(N):
+                        Ph[i] += h[j] * P[j, i]
             for i in range(N):
                 spread += h[i] * Ph[i]
             total = spread + soft_variance(residual, spread, sd, gate)
@@ -316,7 +324,8 @@ def _bryson_frazier(
                 xs[k, i] = piece.x[m, i]
                 for j in range(N):
                     xs[k, i] -= piece.P[m, i, j] * adjoint[j]
-            _variances(piece.P[m], L, steps.sway[k], variance[k], shape_variance[k])
+            if is_reported(k, steps, noise):
+                _variances(piece.P[m], L, steps.sway[k], variance[k], shape_variance[k])
             for i in range(piece.used[m] - 1, -1, -1):
                 _row_back(
                     adjoint,
@@ -338,10 +347,17 @@ def _bryson_frazier(
 
 
 @njit(cache=True)
+def is_reported(k: int, steps: Steps, noise: Noise) -> bool:
+    """Whether variances are given at a step: they change slowly and cost as much as the rest."""
+    last = k + 1 == len(steps.alive) or not steps.alive[k + 1]
+    return k % noise.every == 0 or steps.start[k] >= 0 or last
+
+
+@njit(cache=True)
 def _times_transposed(F: Floats, y: Floats) -> Floats:
     """F' y."""
     z = y.copy()
-    for i in (EP, ER, HO):
+    for i in DECAYING:
         z[i] *= F[i, i]
     for i in COUPLED:
         z[i] -= y[i]
@@ -363,22 +379,25 @@ def _row_back(
     for i in range(N):
         along += gain[i] * adjoint[i]
         for j in range(N):
-            a[i] += L[i, j] * gain[j]
+            a[j] += gain[i] * L[i, j]
+    for i in range(N):
         both += gain[i] * a[i]
     for i in range(N):
         adjoint[i] -= h[i] * along
-        b = a[i] - both * h[i]
-        if h[i] != 0.0 or b != 0.0:
+    for i in range(N):
+        if h[i] != 0.0:
             for j in range(N):
-                L[i, j] -= b * h[j] + h[i] * a[j]
+                L[i, j] -= h[i] * a[j]
+            for j in range(N):
+                L[j, i] -= h[i] * (a[j] - both * h[j])
 
 
 @njit(cache=True)
 def output_rows(s: Floats) -> Floats:
-    """(10, 26): the outputs as functions of the states, then the OFFSETS."""
+    """(10, 29): the outputs as functions of the states, then the OFFSETS."""
     rows = np.zeros((10, N))
-    rows[PITCH, KTHETA], rows[PITCH, EP] = s[0], 1.0
-    rows[ROLL_ANGLE, KPHI], rows[ROLL_ANGLE, ER] = s[1], 1.0
+    rows[PITCH, KTHETA], rows[PITCH, KSIDE], rows[PITCH, EP] = s[FORWARD], s[UNSIGNED], 1.0
+    rows[ROLL_ANGLE, KPHI], rows[ROLL_ANGLE, ER] = s[LATERAL], 1.0
     rows[INCLINATION, THETA], rows[INCLINATION, MTHETA] = 1.0, -1.0
     rows[ROLL_TOTAL, PHI], rows[ROLL_TOTAL, MPHI] = 1.0, -1.0
     rows[GRADE] = rows[INCLINATION] - rows[PITCH]

@@ -186,9 +186,9 @@ def test_one_hour_is_quick_and_small() -> None:
     tables = hill_tables(3600.0)
     drive = Drive.from_tables(tables)
     estimators.run("fusion", Drive.from_tables(hill_tables(20.0)), RIGID)  # compiles
-    started = time.perf_counter()
+    started = time.process_time()  # of the core: what else the machine does is not counted
     estimate = estimators.run("fusion", drive, RIGID)
-    assert time.perf_counter() - started < 10.0
+    assert time.process_time() - started < 10.0
     assert np.isfinite(estimate.grade).all()
     unit = 1 if sys.platform == "darwin" else 1024
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit < 800e6

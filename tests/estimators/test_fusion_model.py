@@ -22,10 +22,10 @@ def inputs(hill_drive: Drive) -> tuple[Steps, Noise, Floats]:
     steps, source = build(hill_drive, vehicle, params.speed_sd, params.creep_speed_sd)
     mean, P0 = priors(vehicle, params, source)
     noise = noise_of(steps, vehicle, params, hill_drive)
-    steps.fixes[K] = 3.0, -8.0, 0.4, 2.0, 1.0, 0.1
+    steps.fixes[K] = 3.0, -8.0, 0.4, 2.0, 1.0, 0.1, 1.5, 0.0
     steps.speed[K] = 9.0
     steps.rate_at[K] = 0.1, -0.2, 0.3
-    steps.sway[K] = 1.2, -2.0, -1.7
+    steps.sway[K] = 1.2, -2.0, -1.7, 1.3, 0.01, -0.02
     steps.antenna[:] = 0.3, -0.5, 1.1
     rng = np.random.default_rng(3)
     x = mean + np.sqrt(np.diag(P0)) * rng.standard_normal(N)
@@ -38,7 +38,7 @@ def test_transition_is_the_jacobian_of_the_process(inputs: tuple[Steps, Noise, F
     _, noise, x = inputs
     f, w, dt = np.array([1.0, -2.0, 9.6]), np.array([0.1, -0.2, 0.3]), 1e-3
     F = np.empty((N, N))
-    model.transition(x, w, dt, noise, F)
+    model.transition(x, w, dt, noise, False, F)
 
     def rate(y: Floats) -> Floats:
         dx = np.empty(N)
@@ -51,13 +51,14 @@ def test_transition_is_the_jacobian_of_the_process(inputs: tuple[Steps, Noise, F
         (model.EP, noise.body_time),
         (model.ER, noise.body_time),
         (model.HO, noise.altimeter_time),
+        (model.HB, noise.barometer_time),
     ):
         expected[state, state] = np.exp(-dt / time)
     np.testing.assert_allclose(F, expected, atol=1e-6 * dt)
 
 
 # derivatives that section 6 leaves out on purpose
-BODY_PITCH = (model.MTHETA, model.EP, model.KTHETA)
+BODY_PITCH = (model.MTHETA, model.EP, model.KTHETA, model.KSIDE)
 BODY_ROLL = (model.MPHI, model.ER, model.KPHI)
 OMITTED = {
     model.SPEED: (*BODY_PITCH, model.MPSI, model.V, model.W),

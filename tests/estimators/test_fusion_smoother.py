@@ -6,7 +6,7 @@ import pytest
 from roadlog.drive import Drive
 from roadlog.estimators.fusion import FusionParameters, noise_of, priors
 from roadlog.estimators.fusion_inputs import build
-from roadlog.estimators.fusion_model import BA, MOVING, ROWS, N, Noise, Steps
+from roadlog.estimators.fusion_model import BA, BAROMETER, CLOSURE, ROWS, N, Noise, Steps
 from roadlog.estimators.fusion_smoother import PIECE, prediction, residual_row, smooth
 from roadlog.types import Floats
 from roadlog.vehicle import Vehicle
@@ -16,7 +16,7 @@ LENGTH = 2 * PIECE + 44  # steps; no multiple of the checkpoints
 
 @pytest.fixture
 def problem(hill_drive: Drive) -> tuple[Steps, Noise, Floats]:
-    """Six seconds with climb and altitude now and then."""
+    """Six seconds with climb and two altitudes now and then, and a place seen again."""
     vehicle, params = Vehicle(), FusionParameters()
     steps, source = build(hill_drive, vehicle, params.speed_sd, params.creep_speed_sd)
     mean, P0 = priors(vehicle, params, source)
@@ -30,6 +30,8 @@ def problem(hill_drive: Drive) -> tuple[Steps, Noise, Floats]:
     steps = steps._replace(**cut)
     steps.fixes[::20, 2] = 0.3
     steps.fixes[10::50, 3] = 1.0
+    steps.fixes[15::50, BAROMETER] = 0.9
+    steps.clone[60], steps.fixes[110, CLOSURE] = True, 0.0
     return steps, noise, P0
 
 
@@ -105,4 +107,3 @@ def test_constants_learn_across_a_gap(problem: tuple[Steps, Noise, Floats]) -> N
     assert joint.P_end[BA, BA] < alone.P_end[BA, BA]
     np.testing.assert_allclose(joint.x[50, BA], joint.x_end[BA], atol=1e-3)
     assert joint.variance[60, 0] < alone.variance[60, 0]
-    assert len(MOVING) == 10
