@@ -50,13 +50,14 @@ def _register() -> None:
     from roadlog.cli.evaluate import evaluate
     from roadlog.cli.info import info
     from roadlog.cli.ingest import ingest
+    from roadlog.cli.plot import plot
     from roadlog.cli.profiles import profiles
     from roadlog.cli.report import report
     from roadlog.cli.reproduce import reproduce
     from roadlog.cli.simulate import scenarios, simulate
     from roadlog.cli.view import view
 
-    using = (ingest, info, estimate, evaluate, view, report)
+    using = (ingest, info, estimate, evaluate, view, plot, report)
     making = (simulate, scenarios, estimators, reproduce, profiles, demo, doctor)
     for command in (*using, *making):
         app.command()(command)

@@ -34,7 +34,7 @@ def demo() -> None:
     console.say("\n3. Compare with the truth. Grade: the road, uphill +. Inclination: the body.")
     evaluate([log])
     console.say("\n4. Write a recording to look at.")
-    view(log, save=recording)
+    view([log], save=recording)
     console.say("\nTry next:")
     for command in (f"roadlog info {log}", f"roadlog view {log}", "roadlog estimators"):
         console.say(f"  {command}")

@@ -1,19 +1,33 @@
-"""`roadlog view`: look at a drive in Rerun."""
+"""`roadlog view`: look at drives in Rerun."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from roadlog.cli import console
 
+if TYPE_CHECKING:
+    from roadlog.view.model import DriveView
+
 
 def view(
-    log: Annotated[Path, typer.Argument(help="A log with estimates.")],
+    logs: Annotated[
+        list[Path], typer.Argument(metavar="LOG...", help="Logs; several stand side by side.")
+    ],
     save: Annotated[
-        Path | None, typer.Option(metavar="F.rrd", help="Write a recording instead of a window.")
+        Path | None, typer.Option(metavar="F.rrd", help="Write a recording; open no window.")
+    ] = None,
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve to browsers of this machine until Ctrl-C.")
+    ] = False,
+    png: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Draw every tab; needs no screen.")
+    ] = None,
+    connect: Annotated[
+        str | None, typer.Option(metavar="URL", help="Send to a viewer that runs already.")
     ] = None,
     rate: Annotated[float, typer.Option(metavar="HZ", help="Samples per second shown.")] = 20.0,
     names: Annotated[
@@ -21,22 +35,51 @@ def view(
         typer.Option("-e", "--estimator", metavar="NAME", help="Only this one; repeatable."),
     ] = None,
 ) -> None:
-    """Show angles against truth with their uncertainty, errors and inputs in Rerun.
+    """Show drives in Rerun: angles, errors, inputs, scene, map, stops, summary.
 
-    Example: roadlog view drive.mcap --save drive.rrd
+    Several runs of one drive share its truth and inputs; their estimators are called NAME@LOG.
+
+    Example: roadlog view drive.mcap causal.mcap -e fusion --save compare.rrd
     """
     from roadlog.log import DriveLog
+    from roadlog.view import viewer
     from roadlog.view.model import drive_view
-    from roadlog.view.recording import write_recording
-    from roadlog.view.viewer import open_recording, recording_path
 
     if not 0.1 <= rate <= 2000.0:
         raise typer.BadParameter("must be between 0.1 and 2000 Hz", param_hint="--rate")
-    opened = DriveLog(log)
+    if web + (png is not None) + (connect is not None) > 1:
+        raise typer.BadParameter("choose one of --web, --png, --connect")
+    viewer.check_version()
+    if connect is not None:
+        viewer.check_listening(connect)
+    opened = [DriveLog(path) for path in logs]
     shown = drive_view(opened, names or (), rate)
-    path = save or recording_path(opened)
-    write_recording(shown, path)
-    console.say(f"{path}: {shown.duration:.1f} s, {len(shown.estimators)} estimators")
-    if save is None:
-        open_recording(path)
-    console.warn_losses(opened.losses)
+    for note in shown.notes:
+        console.complain(f"note: {note}")
+    _show(shown, save, web, png, connect)
+    console.warn_losses([f"{log.path}: {loss}" for log in opened for loss in log.losses])
+
+
+def _show(
+    shown: DriveView, save: Path | None, web: bool, png: Path | None, connect: str | None
+) -> None:
+    from roadlog.view import viewer
+    from roadlog.view.recording import send_recording, write_recording
+
+    path = save or viewer.recording_path()
+    if save is not None or connect is None:
+        write_recording(shown, path)
+        size = path.stat().st_size / 1e6
+        console.say(
+            f"{path}: {shown.duration:.1f} s, {len(shown.estimators)} estimates, {size:.1f} MB"
+        )
+    if connect is not None:
+        send_recording(shown, connect)
+        console.say(f"sent to {connect}")
+    elif png is not None:
+        for picture in viewer.pictures(path, png, shown.duration / 2):
+            console.say(str(picture))
+    elif web:
+        viewer.serve(path, lambda url: console.complain(f"open {url} (Ctrl-C ends)"))
+    elif save is None:
+        viewer.open_window(path)

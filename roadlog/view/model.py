@@ -1,29 +1,46 @@
-"""What `roadlog view` shows, as plain arrays: testable without a viewer."""
+"""What is shown of one or more logs, as plain arrays: testable without a viewer."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from roadlog.drive import Drive
-from roadlog.errors import MissingSignalError, near
+from roadlog.drive import Drive, stale_limit
+from roadlog.errors import ConfigError
 from roadlog.log import AngleTrack, DriveLog
-from roadlog.metrics import angle_errors
+from roadlog.metrics import AngleErrors, angle_errors
 from roadlog.signals import ANGLES
 from roadlog.types import Floats
+from roadlog.view.colors import ordered
+from roadlog.view.lanes import Lane, drive_lanes
+from roadlog.view.runs import Run, load_runs
+from roadlog.view.scene import Scene, drive_scene
+from roadlog.view.stops import StopPicture, stop_pictures
+from roadlog.view.summary import summary_texts
+from roadlog.view.track import Track, drive_track
 
 DEFAULT_RATE = 20.0  # Hz; 100 Hz makes files five times larger and the viewer slow
+SHOWN_FIRST = 3  # estimators of one angle that are drawn when a tab opens; more overlap too much
+UNSURE = 1.0  # degrees; one whose own sd mostly exceeds this is not drawn at first
+RANGE_SHARE = 99.5  # %, of an estimate's values that its axis shows; spikes may leave it
+CLOCK_SHARE = 1.5  # intervals of the drive; rarer samples are joined by a line
+LABEL_SHARE = 9.0  # an axis of more than this many powers of ten labels only every tenth
+BINS = 60  # of an error histogram
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One line: time s from the start of the drive, values, sd of the values or None."""
+    """One line: time s from the start of the drive, values, sd of the values or None.
+
+    distance: m along the drive at the same samples; None when the log has no speed.
+    """
 
     time: Floats
     values: Floats
     sd: Floats | None = None
+    distance: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -34,97 +51,284 @@ class Inputs:
     names: tuple[str, ...]
     time: Floats
     values: Floats
+    distance: Floats | None = None
+
+
+@dataclass(frozen=True)
+class Histogram:
+    """How often an error occurs: edges (n + 1,) and shares of all errors (n,)."""
+
+    edges: Floats
+    shares: Floats
 
 
 @dataclass(frozen=True)
 class DriveView:
-    """Everything that a recording of one log holds; angles and errors in degrees.
+    """Everything that a recording holds; angles and errors in degrees.
 
-    truth: angle -> curve. estimates and errors: angle -> estimator -> curve.
+    A label is the name of an estimator, with `@run` behind it when several logs are shown.
+    estimators: labels, the most prominent first. shown: angle -> the labels that are drawn at
+    first. truth, estimates, errors, histograms: angle -> label -> data. inputs: plot -> run ->
+    signals. ranges, error_ranges: angle -> lowest and highest value of the axis.
     """
 
     name: str
     duration: float
     estimators: tuple[str, ...]
-    truth: dict[str, Curve]
+    shown: dict[str, tuple[str, ...]]
+    truth: dict[str, dict[str, Curve]]
     estimates: dict[str, dict[str, Curve]]
     errors: dict[str, dict[str, Curve]]
-    inputs: dict[str, Inputs]
+    histograms: dict[str, dict[str, Histogram]]
+    inputs: dict[str, dict[str, Inputs]]
+    ranges: dict[str, tuple[float, float]]
+    error_ranges: dict[str, tuple[float, float]]
+    lanes: dict[str, Lane]
+    tracks: dict[str, Track]
+    scene: Scene | None
+    stops: dict[str, StopPicture]
+    texts: dict[str, str]
+    notes: tuple[str, ...]
+
+    @property
+    def has_distance(self) -> bool:
+        """Whether there is a second axis to look along."""
+        groups = (self.truth, self.estimates, self.inputs)
+        return any(c.distance is not None for g in groups for d in g.values() for c in d.values())
 
 
+_WHEELS = ("fl", "fr", "rl", "rr")
 _INPUTS = {
-    "imu/accel": ("m/s²", ("imu.accel_x", "imu.accel_y", "imu.accel_z")),
-    "imu/gyro": ("°/s", ("imu.gyro_x", "imu.gyro_y", "imu.gyro_z")),
-    "speed": ("m/s", ("speed.v", *(f"wheel_speeds.{w}" for w in ("fl", "fr", "rl", "rr")))),
+    "specific force": ("m/s²", ("imu.accel_x", "imu.accel_y", "imu.accel_z")),
+    "angular rate": ("°/s", ("imu.gyro_x", "imu.gyro_y", "imu.gyro_z")),
+    "speed": ("m/s", ("speed.v", *(f"wheel_speeds.{w}" for w in _WHEELS), "gnss.speed")),
+    "road wheel angle": ("°", ("steering.road_wheel_angle",)),
+    "wheel torque": (
+        "N m",
+        tuple(f"wheel_torques.{kind}_{w}" for kind in ("drive", "brake") for w in _WHEELS),
+    ),
+    "engine torque": ("N m", ("powertrain.engine_torque",)),
+    "drive force": ("N", ("powertrain.drive_force",)),
+    "altitude": ("m", ("gnss.altitude", "barometer.altitude")),
+    "fuel sender": ("m", ("fuel.sender",)),
 }
 
 
 def drive_view(
-    log: DriveLog, estimators: Sequence[str] = (), rate: float = DEFAULT_RATE
+    logs: DriveLog | Sequence[DriveLog],
+    estimators: Sequence[str] = (),
+    rate: float = DEFAULT_RATE,
 ) -> DriveView:
-    """Collect what is shown of a log, at `rate` Hz.
+    """Collect what is shown of logs, at `rate` Hz.
 
-    estimators: only these (default: all in the log). Raises MissingSignalError for an estimator
-    that the log has no result of.
+    Several logs stand side by side, each from its own start; runs of one drive share its truth
+    and inputs. estimators: only these (default: all). Raises MissingSignalError for an estimator
+    that no log has, LogReadError for a log without signals.
     """
-    names = tuple(estimators or log.estimators)
-    for name in names:
-        if name not in log.estimators:
-            raise MissingSignalError(
-                f"{log.path}: no estimate '{name}'. {near(name, log.estimators)}"
-            )
-    drive = log.drive(rate)
-    truth = log.truth()
-    true_curves: dict[str, Curve] = {}
+    runs = load_runs([logs] if isinstance(logs, DriveLog) else logs, estimators, rate)
+    if not runs:
+        raise ConfigError("no log to show")
+    drives = [run for k, run in enumerate(runs) if not any(run.same_drive(r) for r in runs[:k])]
+    labels = ordered([label for run in runs for label in run.estimates])
+    truth: dict[str, dict[str, Curve]] = {}
+    for run in drives:
+        if run.truth is None:
+            continue
+        for angle in run.truth.angles:
+            label = "truth" if run is drives[0] else run.labeled("truth")
+            truth.setdefault(angle, {})[label] = _angle_curve(run, run.truth, angle)
     estimates: dict[str, dict[str, Curve]] = {}
+    found: dict[str, dict[str, AngleErrors]] = {}
     errors: dict[str, dict[str, Curve]] = {}
-    if truth is not None:
-        true_curves = {a: _curve(truth, a, drive, rate, with_sd=False) for a in truth.angles}
-    for name in names:
-        track = log.estimate(name)
-        for angle in track.angles:
-            estimates.setdefault(angle, {})[name] = _curve(track, angle, drive, rate)
-            found = angle_errors(track, truth, angle, skip=0.0) if truth is not None else None
-            if truth is not None and found is not None:
-                start = (int(truth.time[0]) - drive.start_ns) * 1e-9
-                values = np.where(found.valid, np.degrees(found.error), np.nan)
-                errors.setdefault(angle, {})[name] = _thin(
-                    found.time + start, values, np.degrees(found.sd), rate
-                )
-    order = {angle: k for k, angle in enumerate(ANGLES)}
+    for label in labels:
+        run = next(run for run in runs if label in run.estimates)
+        estimate = run.estimates[label]
+        for angle in estimate.angles:
+            estimates.setdefault(angle, {})[label] = _angle_curve(run, estimate, angle)
+            error = None
+            if run.truth is not None:
+                error = angle_errors(estimate, run.truth, angle, skip=0.0)
+            if error is not None and run.truth is not None:
+                found.setdefault(angle, {})[label] = error
+                errors.setdefault(angle, {})[label] = _error_curve(run, run.truth, error)
+    shown = {
+        angle: tuple(curves) if estimators else _first(curves)
+        for angle, curves in estimates.items()
+    }
+    ranges = {
+        angle: _range(
+            [*truth.get(angle, {}).values()],
+            [estimates[angle][label] for label in shown.get(angle, ())],
+        )
+        for angle in ANGLES
+        if angle in estimates or angle in truth
+    }
+    error_ranges = {
+        angle: _symmetric([curves[label] for label in shown[angle] if label in curves])
+        for angle, curves in errors.items()
+    }
     return DriveView(
-        log.path.stem,
-        float(drive.time[-1]),
-        names,
-        true_curves,
-        dict(sorted(estimates.items(), key=lambda item: order[item[0]])),
-        dict(sorted(errors.items(), key=lambda item: order[item[0]])),
-        _inputs(drive),
+        " | ".join(run.log.path.stem for run in runs),
+        max(float(run.drive.time[-1]) for run in runs),
+        labels,
+        _by_angle(shown),
+        _by_angle(truth),
+        _by_angle(estimates),
+        _by_angle(errors),
+        {
+            angle: {
+                label: _histogram(error, error_ranges[angle]) for label, error in by_label.items()
+            }
+            for angle, by_label in _by_angle(found).items()
+        },
+        _inputs(drives),
+        ranges,
+        error_ranges,
+        {name: lane for run in drives for name, lane in drive_lanes(run).items()},
+        {run.name: track for run in drives if (track := drive_track(run)) is not None},
+        drive_scene(drives[0], runs, shown),
+        {label: picture for run in runs for label, picture in stop_pictures(run).items()},
+        summary_texts(runs, found),
+        tuple(_notes(runs)),
     )
 
 
-def _curve(track: AngleTrack, angle: str, drive: Drive, rate: float, with_sd: bool = True) -> Curve:
-    time: Floats = np.multiply(track.time - drive.start_ns, 1e-9)
+def _first(curves: Mapping[str, Curve]) -> tuple[str, ...]:
+    """The most prominent estimators of an angle that are sure of what they say."""
+    sure = [
+        label
+        for label, curve in curves.items()
+        if curve.sd is None or not np.nanmedian(np.nan_to_num(curve.sd, nan=np.inf)) > UNSURE
+    ]
+    return tuple(sure[:SHOWN_FIRST]) or tuple(curves)[:1]
+
+
+def _notes(runs: Sequence[Run]) -> list[str]:
+    """Sentences on what is not shown, and what to do."""
+    notes = []
+    for run in runs:
+        path = run.log.path
+        if not run.log.estimators:
+            notes.append(f"{path}: has no estimates yet; run `roadlog estimate {path}`")
+        if run.truth is None:
+            notes.append(
+                f"{path}: has no truth, so no errors are shown; "
+                f"ingest one with a [truth] section in the profile"
+            )
+    return notes
+
+
+def _by_angle(values: dict) -> dict:
+    """In the order in which angles are always named."""
+    return {angle: values[angle] for angle in ANGLES if angle in values}
+
+
+def _angle_curve(run: Run, track: AngleTrack, angle: str) -> Curve:
+    time: Floats = np.multiply(track.time - run.drive.start_ns, 1e-9)
     values = np.degrees(np.where(track.valid, track.angles[angle], np.nan))
-    sd = np.degrees(track.sd[angle]) if with_sd else None
-    return _thin(time, values, sd, rate)
+    return _on_clock(run, time, values, np.degrees(track.sd[angle]))
 
 
-def _thin(time: Floats, values: Floats, sd: Floats | None, rate: float) -> Curve:
-    """Every k-th sample, so that about `rate` Hz are left."""
-    step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
-    every = max(1, round(1 / (rate * step))) if step > 0 else 1
-    known = sd is not None and bool(np.isfinite(sd).any())
-    return Curve(time[::every], values[::every], sd[::every] if known and sd is not None else None)
+def _error_curve(run: Run, truth: AngleTrack, error: AngleErrors) -> Curve:
+    start = (int(truth.time[0]) - run.drive.start_ns) * 1e-9
+    values = np.where(error.valid, np.degrees(error.error), np.nan)
+    return _on_clock(run, error.time + start, values, np.degrees(error.sd))
 
 
-def _inputs(drive: Drive) -> dict[str, Inputs]:
-    result = {}
-    for path, (unit, roles) in _INPUTS.items():
-        there = tuple(role for role in roles if role in drive)
-        if there:
-            scale = np.degrees(1.0) if unit == "°/s" else 1.0
-            values = scale * np.stack([drive[role] for role in there], axis=1)
-            names = tuple(role.partition(".")[2] for role in there)
-            result[path] = Inputs(unit, names, drive.time, values)
+def _on_clock(run: Run, own: Floats, values: Floats, sd: Floats) -> Curve:
+    """The samples next to the drive's times; between samples that are rarer a line is drawn.
+
+    All curves of a drive share its times, so that a recording holds them once. NaN where no
+    sample is near.
+    """
+    time = run.drive.time
+    unknown = np.full(len(time), np.nan)
+    if len(own) < 2:
+        return Curve(time, unknown, None, run.distance)
+    after = np.clip(np.searchsorted(own, time), 1, len(own) - 1)
+    before = after - 1
+    nearest = np.where(time - own[before] <= own[after] - time, before, after)
+    if float(np.median(np.diff(own))) <= CLOCK_SHARE * run.drive.dt:
+        near = np.abs(own[nearest] - time) <= stale_limit(own)
+        shown, width = values[nearest], sd[nearest]
+    else:
+        inside = (time >= own[0]) & (time <= own[-1])
+        near = inside & (own[after] - own[before] <= stale_limit(own))
+        shown, width = np.interp(time, own, values), np.interp(time, own, sd)
+    known = bool(np.isfinite(sd).any())
+    return Curve(
+        time,
+        np.where(near, shown, np.nan),
+        np.where(near, width, np.nan) if known else None,
+        run.distance,
+    )
+
+
+def _inputs(drives: Sequence[Run]) -> dict[str, dict[str, Inputs]]:
+    result: dict[str, dict[str, Inputs]] = {}
+    for plot, (unit, roles) in _INPUTS.items():
+        for run in drives:
+            drive: Drive = run.drive
+            there = tuple(role for role in roles if role in drive)
+            if there:
+                scale = np.degrees(1.0) if unit in ("°/s", "°") else 1.0
+                values = scale * np.stack([drive[role] for role in there], axis=1)
+                sections = {role.partition(".")[0] for role in there}
+                names = tuple(
+                    run.labeled(role if len(sections) > 1 else role.partition(".")[2])
+                    for role in there
+                )
+                result.setdefault(plot, {})[run.name] = Inputs(
+                    unit, names, drive.time, values, run.distance
+                )
     return result
+
+
+def _range(truth: Sequence[Curve], curves: Sequence[Curve]) -> tuple[float, float]:
+    """All of the truth, or of the first curve, and of the others what is near to it."""
+    reference = [_extent(curve, 100.0) for curve in truth] or [
+        _extent(curve, RANGE_SHARE) for curve in curves[:1]
+    ]
+    known = [extent for extent in reference if extent is not None]
+    if not known:
+        return -1.0, 1.0
+    low, high = min(e[0] for e in known), max(e[1] for e in known)
+    beyond = max(0.5 * (high - low), 0.5)
+    others = [e for e in (_extent(curve, RANGE_SHARE) for curve in curves) if e is not None]
+    low = max(min([low, *(e[0] for e in others)]), low - beyond)
+    high = min(max([high, *(e[1] for e in others)]), high + beyond)
+    margin = 0.08 * max(high - low, 0.5)
+    return _labeled(low - margin, high + margin)
+
+
+def _extent(curve: Curve, share: float) -> tuple[float, float] | None:
+    known = curve.values[np.isfinite(curve.values)]
+    if not len(known):
+        return None
+    low, high = np.percentile(known, [100 - share, share])
+    return float(low), float(high)
+
+
+def _symmetric(curves: Sequence[Curve]) -> tuple[float, float]:
+    """Plus and minus the size that most errors stay below, whatever the worst estimator does."""
+    sizes = [np.abs(c.values[np.isfinite(c.values)]) for c in curves]
+    tops = sorted(float(np.percentile(size, RANGE_SHARE)) for size in sizes if len(size))
+    if not tops or tops[-1] == 0:
+        return -1.0, 1.0
+    top = min(tops[-1], 3 * tops[len(tops) // 2])
+    return _labeled(-1.15 * top, 1.15 * top)
+
+
+def _labeled(low: float, high: float) -> tuple[float, float]:
+    """The limits, moved apart until the viewer labels at least two ticks between them."""
+    step = 10.0 ** np.ceil(np.log10((high - low) / LABEL_SHARE))
+    if np.floor(high / step) - np.ceil(low / step) >= 1:
+        return low, high
+    return min(low, -1.05 * step) if low < 0 else low, max(high, 1.05 * step) if high > 0 else high
+
+
+def _histogram(error: AngleErrors, limits: tuple[float, float]) -> Histogram:
+    values = np.degrees(error.error[error.valid])
+    edges = np.linspace(*limits, BINS + 1)
+    counts = np.histogram(values, edges)[0]
+    return Histogram(edges, counts / max(len(values), 1))

@@ -1,0 +1,46 @@
+"""`roadlog plot`: a figure of the angles and their errors, for papers and pull requests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from roadlog.cli import console
+
+
+def plot(
+    logs: Annotated[
+        list[Path], typer.Argument(metavar="LOG...", help="Logs; several stand side by side.")
+    ],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="FILE", help="Ends in .png, .svg or .pdf.")
+    ],
+    names: Annotated[
+        list[str] | None,
+        typer.Option("-e", "--estimator", metavar="NAME", help="Only this one; repeatable."),
+    ] = None,
+) -> None:
+    """Draw angles against truth with ±2 sd bands, and errors.
+
+    Without -e the three most prominent estimators of each angle are drawn.
+
+    Example: roadlog plot drive.mcap -e fusion -e kmbe -o grade.svg
+    """
+    from roadlog.log import DriveLog
+    from roadlog.view.figure import SUFFIXES, write_figure
+    from roadlog.view.model import drive_view
+
+    if out.suffix.lower() not in SUFFIXES:
+        raise typer.BadParameter(
+            f"{out}: must end in {', '.join(SUFFIXES)}", param_hint="'-o' / '--out'"
+        )
+    opened = [DriveLog(path) for path in logs]
+    shown = drive_view(opened, names or ())
+    for note in shown.notes:
+        console.complain(f"note: {note}")
+    write_figure(shown, out)
+    drawn = {name for labels in shown.shown.values() for name in labels}
+    console.say(f"{out}: {', '.join(name for name in shown.estimators if name in drawn)}")
+    console.warn_losses([f"{log.path}: {loss}" for log in opened for loss in log.losses])
