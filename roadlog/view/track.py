@@ -60,7 +60,7 @@ def drive_track(run: Run) -> Track | None:
         if path is None:
             return None
         time, east, north, source = path.time, path.x, path.y, path.source
-    values = np.interp(time, run.drive.time, np.degrees(grade), left=np.nan, right=np.nan)
+    values = np.interp(time, run.drive.time, np.degrees(grade))
     keep = slice(None, None, max(1, -(-len(time) // MAX_POINTS)))
     return Track(
         time[keep],
