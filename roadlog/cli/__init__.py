@@ -43,6 +43,7 @@ def _global(
 
 def _register() -> None:
     # command modules import what they compute with inside their functions: `--help` stays fast
+    from roadlog.cli.calibrate import calibrate
     from roadlog.cli.demo import demo
     from roadlog.cli.doctor import doctor
     from roadlog.cli.estimate import estimate
@@ -57,7 +58,7 @@ def _register() -> None:
     from roadlog.cli.simulate import scenarios, simulate
     from roadlog.cli.view import view
 
-    using = (ingest, info, estimate, evaluate, view, plot, report)
+    using = (ingest, info, calibrate, estimate, evaluate, view, plot, report)
     making = (simulate, scenarios, estimators, reproduce, profiles, demo, doctor)
     for command in (*using, *making):
         app.command()(command)

@@ -31,9 +31,13 @@ def print_json(value: Any) -> None:
 
 
 def print_table(
-    columns: Sequence[str], rows: Sequence[Sequence[str]], title: str = "", left: int = 1
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    title: str = "",
+    left: int = 1,
+    remark: bool = False,
 ) -> None:
-    """A table; the first `left` columns are text, the rest figures."""
+    """A table; the first `left` columns are text, the rest figures, the last a remark if so."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -41,7 +45,8 @@ def print_table(
     table = Table(title=Text(title) if title else None, title_justify="left", box=None)
     table.pad_edge = False
     for k, column in enumerate(columns):
-        table.add_column(column, justify="left" if k < left else "right", no_wrap=k == 0)
+        is_text = k < left or (remark and k == len(columns) - 1)
+        table.add_column(column, justify="left" if is_text else "right", no_wrap=k == 0)
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))
     terminal = sys.stdout.isatty()

@@ -1,0 +1,144 @@
+"""Self-calibration: what drives tell of a car and its logger, without a data sheet.
+
+Source: fusion chapter, section 8. `calibrate` takes several drives of one car with one logger and
+gives every constant with its standard error, what it rests on, or why it is not identifiable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from roadlog.calibrate import mounting
+from roadlog.calibrate.drive import AXES, TURNS, DriveCalibration, calibrate_drive
+from roadlog.calibrate.finding import Finding, combined
+from roadlog.drive import Drive
+from roadlog.errors import EstimatorError
+from roadlog.estimators.fusion_inputs import DASHBOARD_HEIGHT
+from roadlog.types import Floats
+from roadlog.vehicle import DEFAULT, Source, Vehicle
+
+SENSORS = ("imu_mount", "accel_bias", "gyro_bias", "speed_scale", "speed_delay", "gnss_delay")
+SCALARS = (  # findings that are vehicle parameters of the same name
+    "speed_scale",
+    "speed_delay",
+    "gnss_delay",
+    "pitch_gradient",
+    "roll_gradient",
+    "mass",
+    "rolling_resistance",
+    "rear_cornering_stiffness",
+    "front_cornering_stiffness",
+)
+HEIGHT_SD = 0.3  # m, of an IMU whose height over the CG does not show
+SIDE_SD = 0.4  # m, of an IMU whose place across the car does not show
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """vehicle: the base with everything found, each with its source and sd. rotation (3, 3): rows
+    forward, left, up in the logs' IMU axes. findings: by name. driven: front, rear or all,
+    where all drives that show it agree. left_out: drive -> why.
+    """
+
+    vehicle: Vehicle
+    rotation: Floats
+    findings: dict[str, Finding]
+    driven: str | None
+    left_out: dict[str, str]
+
+
+def calibrate(drives: Mapping[str, Drive], vehicle: Vehicle) -> Calibration:
+    """Everything that the drives tell together.
+
+    drives: name -> drive as logged, uncorrected. vehicle: what is known besides; what it says of
+    the sensors is found anew. Raises EstimatorError when no drive can be used.
+    """
+    base = _without_sensors(vehicle)
+    results: dict[str, DriveCalibration] = {}
+    left_out: dict[str, str] = {}
+    for name, drive in drives.items():
+        try:
+            results[name] = calibrate_drive(drive, base)
+        except EstimatorError as error:
+            left_out[name] = str(error)
+    if not results:
+        raise EstimatorError("; ".join(f"{name}: {why}" for name, why in left_out.items()))
+    rotation, turns = _combined_rotation(list(results.values()))
+    names = list(dict.fromkeys(name for r in results.values() for name in r.findings))
+    findings = {
+        name: combined([r.findings[name] for r in results.values() if name in r.findings])
+        for name in names
+    }
+    findings |= turns
+    axles = {r.driven for r in results.values()} - {None}
+    driven = axles.pop() if len(axles) == 1 else None
+    found = _vehicle(base, rotation, findings)
+    if driven is not None and base.source("driven").kind == "default":
+        found = found.with_values("calibrated", driven=driven)
+    return Calibration(found, rotation, findings, driven, left_out)
+
+
+def _without_sensors(vehicle: Vehicle) -> Vehicle:
+    """The vehicle, saying nothing of the sensors."""
+    defaults = {f.name: f.default for f in fields(vehicle) if f.name in SENSORS}
+    sources = {name: s for name, s in vehicle.sources.items() if name not in SENSORS}
+    return replace(vehicle, sources=sources, **defaults)  # type: ignore[arg-type]
+
+
+def _combined_rotation(results: list[DriveCalibration]) -> tuple[Floats, dict[str, Finding]]:
+    """Mean rotation, axis by axis about the car, and the turns' findings with values of it."""
+    first = results[0].rotation
+    away = [mounting.vector_of(r.rotation @ first.T) for r in results]
+    turns = {}
+    turn = np.zeros(3)
+    for k, name in enumerate(TURNS):
+        shifted = [
+            replace(r.findings[name], value=float(v[k])) for r, v in zip(results, away, strict=True)
+        ]
+        turns[name] = combined(shifted)
+        turn[k] = turns[name].value or 0.0
+    rotation = mounting.rotation_of(turn) @ first
+    angles = mounting.roll_pitch_yaw(rotation)
+    return rotation, {
+        name: replace(f, value=float(angle))
+        for (name, f), angle in zip(turns.items(), angles, strict=True)
+    }
+
+
+def _vehicle(base: Vehicle, rotation: Floats, findings: Mapping[str, Finding]) -> Vehicle:
+    """The base with what was found. A constant that does not show leaves the base as it is.
+
+    Biases are written whole, and the mounting with its roll, because they act together: where
+    one of them does not show, its sd says so.
+    """
+    values: dict[str, object] = {}
+    sources: dict[str, Source] = {}
+    values["imu_mount"] = tuple(tuple(float(v) for v in row) for row in rotation)
+    sources["imu_mount"] = Source("calibrated", axis_sd=_sds([findings[name] for name in TURNS]))
+    for kind in ("accel_bias", "gyro_bias"):
+        parts = [findings[f"{kind}_{axis}"] for axis in AXES]
+        values[kind] = tuple(float(f.value or 0.0) for f in parts)
+        sources[kind] = Source("calibrated", axis_sd=_sds(parts))
+    for name in SCALARS:
+        finding = findings.get(name)
+        if finding is not None and finding.identifiable and finding.value is not None:
+            values[name] = finding.value
+            sources[name] = Source("calibrated", finding.sd)
+    along = findings["imu_position_x"]
+    if base.imu_position is None and along.identifiable and along.value is not None:
+        across = findings["imu_position_y"]
+        y, y_sd = (across.value, across.sd) if across.identifiable else (0.0, SIDE_SD)
+        z = DASHBOARD_HEIGHT - base.cg_height
+        values["imu_position"] = (along.value, float(y or 0.0), z)
+        sds = (float(along.sd or 0.0), float(y_sd or SIDE_SD), HEIGHT_SD)
+        sources["imu_position"] = Source("calibrated", axis_sd=sds)
+    kept = {name: s for name, s in base.sources.items() if s != DEFAULT}
+    return replace(base, sources={**kept, **sources}, **values)  # type: ignore[arg-type]
+
+
+def _sds(findings: list[Finding]) -> tuple[float, float, float]:
+    x, y, z = (float(f.sd or 0.0) for f in findings)
+    return x, y, z

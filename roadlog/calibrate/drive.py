@@ -1,0 +1,314 @@
+"""All constants of one drive: coarse mounting, the smoother until it settles, and what follows.
+
+Source: fusion chapter, section 8.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from roadlog import estimators
+from roadlog.calibrate import gains, mass, mounting, speeds, tires
+from roadlog.calibrate.finding import Finding, unknown
+from roadlog.calibrate.mounting import filled
+from roadlog.correction import corrected
+from roadlog.drive import Drive, nan_mean
+from roadlog.errors import EstimatorError
+from roadlog.estimate import Estimate
+from roadlog.estimators.fusion_inputs import DASHBOARD_HEIGHT
+from roadlog.types import Floats
+from roadlog.vehicle import Vehicle
+
+DEG = np.pi / 180
+AXES = ("x", "y", "z")
+TURNS = ("mounting_roll", "mounting_pitch", "mounting_yaw")
+MOUNTING_SD = 3.0 * DEG  # prior of the fine mounting, section 8.1, at least
+DELAY_SD = 0.1  # s, prior of the speed's delay in the smoother
+REST_DELAY_SD = 0.01  # s, the same once `speeds` has found it: the smoother takes slip for delay
+MAX_RUNS = 5  # of the smoother
+SETTLED, SETTLED_DELAY = 0.03 * DEG, 0.003  # rad, s; changes below which the last run stands
+TOLD = 0.5  # share of the prior sd, above which the data have told nothing
+CROSSFALL_SD = 1.5 * DEG  # of a drive's mean bank: what the mounting's roll is known to without
+WEAK_COHERENCE, WEAK_FACTOR = 0.9, 3.0  # section 10.5: yaw and its gyro bias are then overconfident
+DELAY_FLOOR = 0.01  # s, an IMU's own low-pass delays it by as much
+WORTH_DELAY = 0.05  # s, a delay less well known is none
+WORTH_PLACE, PLACE_FLOOR = 0.3, 0.03  # m
+ACCEL_FLOOR, GYRO_FLOOR = 0.01, 0.01 * DEG  # m/s2, rad/s: biases wander by this in a drive
+UNSETTLED = 1.0  # share of the last change that a mounting which does not settle is uncertain by
+ARM_UNKNOWN = 0.03  # m/s2, section 10.4: curve-derived biases with unknown lever arms
+DRIVEN_SLIP, DRIVEN_GATE = 0.002, 4.0  # s2/m, sd: slip beyond both is that of a driven axle
+SHEET_LENGTH = 0.1  # m, of an axle distance that is only a default
+PRIORS = {  # sd before the data, in FusionParameters' defaults
+    "accel_bias_x": 0.05,
+    "accel_bias_y": 0.05,
+    "accel_bias_z": 0.1,
+    "gyro_bias_x": 0.3 * DEG,
+    "gyro_bias_y": 0.3 * DEG,
+    "gyro_bias_z": 0.3 * DEG,
+    "slip_gradient": 0.004,
+}
+UNITS = {
+    "accel_bias": "m/s2",
+    "gyro_bias": "rad/s",
+    "mounting": "rad",
+    "slip": "rad/(m/s2)",
+}
+WHY = {
+    "accel_bias_x": "a slope looks the same: needs GNSS climb or altitude, or curves",
+    "accel_bias_y": "a bank looks the same: needs curves",
+    "accel_bias_z": "needs GNSS or a longer drive",
+    "gyro_bias_x": "needs a longer drive",
+    "gyro_bias_y": "needs a longer drive",
+    "gyro_bias_z": "needs a stop, curves or GNSS",
+    "mounting_pitch": "needs GNSS climb or altitude, or hard braking on a smooth road",
+    "mounting_yaw": "needs braking and curves",
+    "slip_gradient": "needs curves",
+}
+WHY_NO_ROLL = "looks like the bank of the road: needs two antennas; mean bank taken as 0"
+
+
+@dataclass(frozen=True)
+class DriveCalibration:
+    """One drive's findings by name. rotation (3, 3): rows forward, left, up in the log's IMU axes;
+    its uncertainty is that of the findings mounting_roll, _pitch and _yaw, whose values are 0.
+    driven: axle that slips under drive, where one does.
+    """
+
+    rotation: Floats
+    findings: dict[str, Finding]
+    driven: str | None
+
+
+def calibrate_drive(drive: Drive, vehicle: Vehicle) -> DriveCalibration:
+    """Raises EstimatorError when the drive does not tell which way the IMU points."""
+    needed = estimators.get("fusion").missing(drive)
+    if needed:
+        raise EstimatorError(f"cannot calibrate: the drive has no {', no '.join(needed)}")
+    start = mounting.coarse(drive)
+    source = drive.sources_of_speed()[0]
+    late = {"gnss" if source == "gnss" else "car": float(np.nan_to_num(start.delay))}
+    rotation, car, delay_sd = start.rotation, vehicle, DELAY_SD
+    prior = max(MOUNTING_SD, min(start.yaw_sd, mounting.YAW_SD))
+    for _ in range(MAX_RUNS):
+        car = _mounted(car, rotation, late)
+        seen = corrected(drive, car)
+        estimate = _smoothed(seen, car, prior, delay_sd)
+        constants = {k: float(v[0]) for k, v in estimate.details["constants"].columns.items()}
+        turn = np.array(
+            [
+                _roll(seen, estimate, constants, prior),
+                -constants["mounting_pitch"],
+                constants["mounting_yaw"],
+            ]
+        )
+        rotation = mounting.rotation_of(turn) @ rotation
+        ref = speeds.reference(seen, estimate, constants, filled(seen.speed))
+        fits = _fits(seen, ref, car)
+        moved = _moved(fits)
+        for clock, step in moved.items():
+            late[clock] = late.get(clock, 0.0) + step
+        driven = _driven(fits)
+        if driven and vehicle.source("driven").kind == "default":
+            car = replace(car, driven=driven)
+        delay_sd = REST_DELAY_SD if moved else DELAY_SD
+        place = _place(fits, vehicle)
+        if vehicle.imu_position is None and place[0].identifiable:
+            x, y = (p.value or 0.0 for p in place)
+            car = replace(car, imu_position=(x, y, DASHBOARD_HEIGHT - vehicle.cg_height))
+        if (
+            np.abs(turn).max() < SETTLED
+            and max(map(abs, moved.values()), default=0.0) < SETTLED_DELAY
+        ):
+            break
+    evidence = _evidence(drive, start)
+    findings = _of_smoother(constants, drive, car, start, evidence, prior, turn)
+    findings += _of_speeds(fits, late, seen, ref, car, source)
+    findings += place
+    findings += [
+        gains.pitch_gradient(seen, estimate, car),
+        gains.roll_gradient(seen, estimate, car),
+    ]
+    findings += mass.mass_and_rolling(seen, estimate, car, constants["accel_bias_x_sd"])
+    by_name = {f.name: f for f in findings}
+    heavy = by_name["mass"]
+    if heavy.identifiable and heavy.value is not None:
+        car = car.with_values("calibrated", mass=heavy.value)
+    for finding in tires.stiffnesses(seen, by_name["slip_gradient"], car):
+        by_name[finding.name] = finding
+    return DriveCalibration(rotation, by_name, driven)
+
+
+def _mounted(vehicle: Vehicle, rotation: Floats, late: dict[str, float]) -> Vehicle:
+    rows = tuple(tuple(float(v) for v in row) for row in rotation)
+    return vehicle.with_values(
+        imu_mount=rows, speed_delay=late.get("car", 0.0), gnss_delay=late.get("gnss", 0.0)
+    )
+
+
+def _smoothed(drive: Drive, vehicle: Vehicle, prior: float, delay_sd: float) -> Estimate:
+    """The smoother over a corrected drive, with wide priors."""
+    plain = replace(vehicle, imu_mount=None, speed_delay=0.0, gnss_delay=0.0)
+    settings = {"mounting_sd": prior, "speed_delay_sd": delay_sd}
+    return estimators.run("fusion", drive, plain, settings)
+
+
+def _roll(drive: Drive, estimate: Estimate, constants: dict[str, float], prior: float) -> float:
+    """rad, the mounting's roll: what antennas tell, else what makes the mean bank 0."""
+    if constants["mounting_roll_sd"] < TOLD * prior:
+        return constants["mounting_roll"]
+    use = estimate.usable & np.isfinite(drive.speed)
+    weight = np.abs(drive.speed[use])
+    return constants["mounting_roll"] + float(np.average(estimate.bank[use], weights=weight))
+
+
+def _channels(
+    drive: Drive, ref: speeds.Reference, vehicle: Vehicle
+) -> dict[str, tuple[Floats, Floats]]:
+    """Every speed channel: name -> times and values."""
+    found = {}
+    if "wheel_speeds" in drive.native:
+        samples = drive.native["wheel_speeds"]
+        for name, wheels in (("front", speeds.FRONT), ("rear", speeds.REAR)):
+            values = speeds.axle(drive, wheels, ref, vehicle)
+            if values is not None:
+                found[name] = samples.time, values
+        if not found and samples.columns:
+            found["wheels"] = samples.time, nan_mean(np.stack(list(samples.columns.values())))
+    elif "speed.v" in drive:
+        found["speed"] = drive.native["speed"].time, drive.native["speed"].columns["v"]
+    if "gnss.speed" in drive:
+        found["gnss"] = drive.native["gnss"].time, drive.native["gnss"].columns["speed"]
+    return found
+
+
+def _fits(drive: Drive, ref: speeds.Reference, vehicle: Vehicle) -> dict[str, speeds.Fit]:
+    fits = {}
+    for name, (time, values) in _channels(drive, ref, vehicle).items():
+        fit = speeds.fit(time, values, ref, slips=name != "gnss")
+        if fit is not None and fit.delay_sd < WORTH_DELAY:
+            fits[name] = fit
+    return fits
+
+
+def _best(fits: dict[str, speeds.Fit]) -> str | None:
+    """The car's own channel whose delay is known best."""
+    own = {name: fit.delay_sd for name, fit in fits.items() if name != "gnss"}
+    return min(own, key=lambda name: own[name]) if own else None
+
+
+def _moved(fits: dict[str, speeds.Fit]) -> dict[str, float]:
+    """s, what the delays of the car's and the receiver's clocks still are."""
+    best = _best(fits)
+    moved = {} if best is None else {"car": fits[best].delay}
+    return moved | ({"gnss": fits["gnss"].delay} if "gnss" in fits else {})
+
+
+def _driven(fits: dict[str, speeds.Fit]) -> str | None:
+    """front, rear or all: the axles that run ahead when they push."""
+    if "front" not in fits or "rear" not in fits:
+        return None
+    slips = {
+        name: fits[name].slip > max(DRIVEN_SLIP, DRIVEN_GATE * fits[name].slip_sd)
+        for name in ("front", "rear")
+    }
+    if all(slips.values()):
+        return "all"
+    return next((name for name, slip in slips.items() if slip), None)
+
+
+def _of_smoother(
+    constants: dict[str, float],
+    drive: Drive,
+    vehicle: Vehicle,
+    start: mounting.Coarse,
+    evidence: str,
+    mounting_sd: float,
+    turn: Floats,
+) -> list[Finding]:
+    has_height = any(f"gnss.{field}" in drive for field in ("climb", "altitude"))
+    found = []
+    for name, prior in (PRIORS | dict.fromkeys(TURNS, mounting_sd)).items():
+        value, sd = constants[name], constants[f"{name}_sd"]
+        if start.coherence < WEAK_COHERENCE and name in ("mounting_yaw", "gyro_bias_z"):
+            sd = min(WEAK_FACTOR * sd, prior)
+        if vehicle.imu_position is None and not has_height and name[:-1] == "accel_bias_":
+            sd = float(np.hypot(sd, ARM_UNKNOWN))
+        unit = UNITS[name.rsplit("_", 1)[0]]
+        if name in TURNS:
+            value = 0.0  # it is in the rotation
+            sd = float(np.hypot(sd, UNSETTLED * turn[TURNS.index(name)]))
+        elif name != "slip_gradient":
+            sd = float(np.hypot(sd, ACCEL_FLOOR if name.startswith("accel") else GYRO_FLOOR))
+        reason = "" if sd < TOLD * prior else WHY.get(name, WHY_NO_ROLL)
+        if name == "mounting_roll" and reason:
+            sd = CROSSFALL_SD
+        found.append(Finding(name, unit, value, sd, evidence, reason))
+    return found
+
+
+def _of_speeds(
+    fits: dict[str, speeds.Fit],
+    late: dict[str, float],
+    drive: Drive,
+    ref: speeds.Reference,
+    vehicle: Vehicle,
+    source: str,
+) -> list[Finding]:
+    """Delays of both clocks, and the scale of the car's own speed."""
+    best = _best(fits)
+    why = "the speed hardly changes: brake and accelerate"
+    found = []
+    for clock, name in (("car", best), ("gnss", "gnss")):
+        key = "speed_delay" if clock == "car" else "gnss_delay"
+        if name in fits:
+            sd = float(np.hypot(fits[name].delay_sd, DELAY_FLOOR))
+            found.append(Finding(key, "s", late[clock], sd, f"{name} speed against the IMU"))
+        elif clock == "gnss":
+            reason = why if "gnss.speed" in drive else "no GNSS speed in the log"
+            found.append(unknown(key, "s", reason))
+        else:
+            found.append(unknown(key, "s", "GNSS is the only speed" if source == "gnss" else why))
+    if best is None or "gnss.speed" not in drive:
+        reason = "GNSS is the only speed" if source == "gnss" else "no GNSS speed to compare with"
+        return [*found, unknown("speed_scale", "-", reason)]
+    channels = _channels(drive, ref, vehicle)
+    time, values = channels[best]
+    known = np.isfinite(values)
+    return [*found, speeds.scale(time[known], values[known], channels["gnss"], ref)]
+
+
+def _place(fits: dict[str, speeds.Fit], vehicle: Vehicle) -> list[Finding]:
+    """m, the IMU from the CG, by what it feels and the speed shows in curves."""
+    names = ("imu_position_x", "imu_position_y")
+    if vehicle.imu_position is not None:
+        return [unknown(name, "m", "the vehicle file gives it") for name in names]
+    best = _best(fits)
+    if best is None or fits[best].ahead_sd > WORTH_PLACE or fits[best].side_sd > WORTH_PLACE:
+        reason = "needs curves" if best else "needs curves, and the car's own speed"
+        return [unknown(name, "m", reason) for name in names]
+    fit = fits[best]
+    sheet = SHEET_LENGTH if vehicle.source("cg_to_rear_axle").kind == "default" else 0.0
+    remark = "" if not sheet else "; rests on the default cg_to_rear_axle"
+    x, x_sd = fit.ahead - vehicle.cg_to_rear_axle, float(np.hypot(fit.ahead_sd, PLACE_FLOOR))
+    x_sd = float(np.hypot(x_sd, sheet))
+    y_sd = float(np.hypot(fit.side_sd, PLACE_FLOOR))
+    evidence = f"{best} speed in curves"
+    return [
+        Finding(names[0], "m", x, x_sd, evidence + remark),
+        Finding(names[1], "m", -fit.side, y_sd, evidence),
+    ]
+
+
+def _evidence(drive: Drive, start: mounting.Coarse) -> str:
+    moving = float((np.abs(np.nan_to_num(drive.speed)) > mounting.MOVING).sum() * drive.dt)
+    parts = [f"{moving:.0f} s moving"]
+    still = float(drive.standstill.sum() * drive.dt)
+    if still:
+        parts.append(f"{still:.0f} s standing")
+    parts.append(f"coherence {start.coherence:.2f}")
+    gnss = [f for f in ("speed", "climb", "altitude", "heading", "roll") if f"gnss.{f}" in drive]
+    if gnss:
+        parts.append(f"GNSS {', '.join(gnss)}")
+    return "; ".join(parts)

@@ -1,0 +1,119 @@
+"""Pitch and roll gradient of the suspension by instrumental variables.
+
+Source: fusion chapter, section 8.4. The smoothed absolute angles do not depend on the gradients;
+dv/dt and v r of the wheels are not moved by slopes, which the accelerometer is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from roadlog.calibrate.finding import Finding, jackknife, unknown
+from roadlog.calibrate.mounting import band_passed, filled
+from roadlog.drive import Drive
+from roadlog.estimate import Estimate
+from roadlog.estimators.fusion_inputs import PITCH_MODE, ROLL_MODE, second_order
+from roadlog.filters.kernels import odd_window, slope
+from roadlog.types import Bools, Floats
+from roadlog.units import STANDARD_GRAVITY as G
+from roadlog.vehicle import Vehicle
+
+SLOW = (0.15, 0.5)  # Hz, of the answer
+FAST = (0.4, 2.0)  # Hz, that must agree with it
+BLOCK = 4.0  # s
+SPEED = 2.0  # m/s, beyond which samples count
+SLOPE_WINDOW = 0.3  # s, for dv/dt
+SYSTEMATIC = 0.06  # share: braking and accelerating differ, springs are not linear
+PITCH_EXCITATION, ROLL_EXCITATION = 0.2, 0.1  # m/s2 rms in the band
+AGREEMENT = 0.15  # share by which the two bands of the roll gradient may differ
+ROLL_PRIOR_SD = 0.0015  # rad/(m/s2), section 3
+PRIOR_GATE = 3.0  # sd
+MIN_BLOCKS = 5
+WORTH = 0.5  # share of the value; a larger standard error says nothing
+UNIT = "rad/(m/s2)"
+
+
+def pitch_gradient(drive: Drive, estimate: Estimate, vehicle: Vehicle) -> Finding:
+    """Body pitch per longitudinal specific force."""
+    force = _sway(drive, "imu.accel_x", PITCH_MODE, vehicle.pitch_gain)
+    change = slope(filled(drive.speed), odd_window(SLOPE_WINDOW, drive.dt), drive.dt)
+    use = _usable(drive, estimate)
+    value, sd, level, blocks = _ratio(estimate.inclination, force, change, use, SLOW, drive.rate)
+    evidence = f"braking and accelerating, {level:.2f} m/s2 rms over {blocks * BLOCK:.0f} s"
+    if blocks < MIN_BLOCKS or level < PITCH_EXCITATION:
+        return unknown(
+            "pitch_gradient",
+            UNIT,
+            f"longitudinal force is {level:.2f} m/s2 rms in {SLOW[0]}-{SLOW[1]} Hz "
+            f"({PITCH_EXCITATION} needed): brake and accelerate more",
+        )
+    if not value > 0 or sd > WORTH * value:
+        return unknown(
+            "pitch_gradient",
+            UNIT,
+            f"braking says {value:.4f} +- {sd:.4f}: the slopes of this road hide it",
+        )
+    return Finding("pitch_gradient", UNIT, value, sd, evidence)
+
+
+def roll_gradient(drive: Drive, estimate: Estimate, vehicle: Vehicle) -> Finding:
+    """Body roll per lateral specific force; not told on superelevated roads."""
+    force = _sway(drive, "imu.accel_y", ROLL_MODE, vehicle.roll_gain)
+    lateral = filled(drive.speed) * filled(drive["imu.gyro_z"])
+    use = _usable(drive, estimate)
+    angle = estimate.roll_total
+    value, sd, level, blocks = _ratio(angle, force, lateral, use, SLOW, drive.rate)
+    if blocks < MIN_BLOCKS or level < ROLL_EXCITATION:
+        return unknown(
+            "roll_gradient",
+            UNIT,
+            f"lateral force is {level:.2f} m/s2 rms in {SLOW[0]}-{SLOW[1]} Hz "
+            f"({ROLL_EXCITATION} needed): drive a slalom or quick level curves",
+        )
+    fast = _ratio(angle, force, lateral, use, FAST, drive.rate)[0]
+    if not value > 0 or abs(fast - value) > AGREEMENT * value:
+        return unknown(
+            "roll_gradient",
+            UNIT,
+            f"slow and quick turning disagree ({value:.4f} and {fast:.4f}): the road is banked in "
+            f"its curves",
+        )
+    prior = vehicle.roll_gain
+    if abs(value - prior) > PRIOR_GATE * ROLL_PRIOR_SD or sd > WORTH * value:
+        return unknown(
+            "roll_gradient", UNIT, f"curves say {value:.4f} +- {sd:.4f}, which no car does"
+        )
+    evidence = f"turning, {level:.2f} m/s2 rms over {blocks * BLOCK:.0f} s; quick turns {fast:.4f}"
+    return Finding("roll_gradient", UNIT, value, sd, evidence)
+
+
+def _sway(drive: Drive, role: str, mode: tuple[float, float], gain: float) -> Floats:
+    """m/s2, force in the road plane behind the suspension's own dynamics."""
+    return (1 - G * gain) * second_order(filled(drive[role]), *mode, drive.rate)
+
+
+def _usable(drive: Drive, estimate: Estimate) -> Bools:
+    """Where the car moves and the angles are known."""
+    return (np.abs(filled(drive.speed)) > SPEED) & estimate.usable
+
+
+def _ratio(
+    angle: Floats,
+    force: Floats,
+    instrument: Floats,
+    use: Bools,
+    band: tuple[float, float],
+    rate: float,
+) -> tuple[float, float, float, int]:
+    """sum(I angle) / sum(I force) in a band, its sd, rms of the force, blocks used."""
+    passed = [band_passed(filled(x), band, rate) for x in (angle, force, instrument)]
+    block = np.arange(len(use))[use] // round(BLOCK * rate)
+    theta, s, z = (x[use] for x in passed)
+    count = np.bincount(block)
+    blocks = int((count > 0).sum())
+    if blocks < MIN_BLOCKS:
+        return np.nan, np.inf, 0.0, blocks
+    top, bottom = (np.bincount(block, z * x)[count > 0] for x in (theta, s))
+    ratio, sd = jackknife(top, bottom)
+    value = ratio.real
+    return value, float(np.hypot(sd, SYSTEMATIC * value)), float(np.sqrt(np.mean(s**2))), blocks

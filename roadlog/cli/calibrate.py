@@ -1,0 +1,97 @@
+"""`roadlog calibrate`: what drives tell of the car and of the logger in it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from roadlog.cli import console
+
+if TYPE_CHECKING:
+    from roadlog.calibrate import Calibration
+
+IN_DEGREES = {"rad": "deg", "rad/s": "deg/s", "rad/(m/s2)": "deg/(m/s2)"}
+
+
+def calibrate(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Drives of one car.")],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="VEHICLE.toml", help="The vehicle file to write.")
+    ],
+    vehicle: Annotated[
+        Path | None,
+        typer.Option(help="Vehicle file with what is known, instead of the first log's own."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Find mounting, delays, scales, biases and gradients, each with its standard error.
+
+    The logger may be mounted in any way, as long as it stays so; no data sheet is needed. What
+    the drives do not show is said, with the reason, and left as it was.
+
+    Example: roadlog calibrate monday.mcap tuesday.mcap -o car.toml
+    """
+    from roadlog.calibrate import calibrate as find
+    from roadlog.log import DriveLog
+    from roadlog.storage.writer import replacing
+    from roadlog.vehicle import Vehicle
+
+    opened = [DriveLog(path) for path in dict.fromkeys(logs)]
+    base = Vehicle.load(vehicle) if vehicle else opened[0].vehicle
+    found = find({str(log.path): log.drive() for log in opened}, base)
+    with replacing(out) as file:
+        file.write(found.vehicle.to_toml().encode())
+    if as_json:
+        console.print_json(_report(found, opened, out))
+    else:
+        _print(found, out)
+    losses = [f"{log.path}: {loss}" for log in opened for loss in log.losses]
+    console.warn_losses(
+        [*losses, *(f"{log} left out: {why}" for log, why in found.left_out.items())]
+    )
+
+
+def _report(found: Calibration, opened: list[Any], out: Path) -> dict[str, Any]:
+    return {
+        "vehicle": str(out),
+        "logs": [str(log.path) for log in opened if str(log.path) not in found.left_out],
+        "left_out": found.left_out,
+        "imu_mount": found.rotation.tolist(),  # rows: forward, left, up
+        "driven": found.driven,
+        "constants": {
+            f.name: {
+                "value": f.value,
+                "sd": f.sd,
+                "unit": f.unit,
+                "identifiable": f.identifiable,
+                "evidence": f.evidence,
+                "reason": f.reason,
+                "drives": [{"value": value, "sd": sd} for value, sd in f.drives],
+            }
+            for f in found.findings.values()
+        },
+    }
+
+
+def _print(found: Calibration, out: Path) -> None:
+    rows = []
+    for f in found.findings.values():
+        unit = IN_DEGREES.get(f.unit, f.unit)
+        factor = math.degrees(1) if unit != f.unit else 1.0
+        remark = f.evidence if f.identifiable else f"not identifiable from these drives: {f.reason}"
+        if f.value is None or f.sd is None:
+            rows.append([f.name, unit, "-", "-", remark])
+            continue
+        value, sd = factor * f.value, factor * f.sd
+        digits = max(0, 1 - math.floor(math.log10(sd))) if sd > 0 else 4
+        rows.append([f.name, unit, f"{value:.{digits}f}", f"{sd:.{digits}f}", remark])
+    if found.driven:
+        rows.append(["driven", "", found.driven, "-", "the axle that slips when it drives"])
+    columns = ["constant", "unit", "value", "± sd", "rests on"]
+    console.print_table(columns, rows, str(out), left=2, remark=True)
+    for name, row in zip(("forward", "left", "up"), found.rotation, strict=True):
+        axes = ", ".join(f"{c:+.4f}" for c in row)
+        console.say(f"{name} in the log's IMU axes: {axes}")
