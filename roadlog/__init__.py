@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 __all__ = ["__version__", "open"]
 
 
-def open(path: Path | str) -> DriveLog:
-    """A drive log on disk. Raises LogReadError when the file is no readable MCAP."""
+def open(path: Path | str, profile: Path | str | None = None) -> DriveLog:
+    """A drive log on disk; profile: for an MCAP of others. Raises LogReadError, ConfigError."""
     from roadlog.log import DriveLog  # imports what computes; `import roadlog` alone stays fast
 
-    return DriveLog(path)
+    return DriveLog(path, profile)

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from roadlog.drive import DEFAULT_RATE, Drive
-from roadlog.errors import MissingSignalError, near
+from roadlog.errors import LogReadError, MissingSignalError, near
 from roadlog.estimate import Estimate
 from roadlog.signals import (
     ANGLES,
     INPUTS,
+    SECTIONS,
     TRUTH_TOPIC,
     estimate_topic,
     split_estimate_topic,
@@ -25,6 +28,12 @@ from roadlog.storage.lock import exclusive
 from roadlog.types import Bools, Flags, Floats, Stamps
 from roadlog.vehicle import Vehicle
 from roadlog.version import __version__
+
+if TYPE_CHECKING:
+    from roadlog.ingest.profile import Profile
+
+IN_PLACE = "in place"  # the profile record of an MCAP whose own topics it explains
+_SIGNALS = frozenset(section.topic for section in SECTIONS.values())
 
 
 @dataclass(frozen=True)
@@ -55,10 +64,16 @@ class AngleTrack:
 
 
 class DriveLog:
-    """A drive log on disk. Raises LogReadError when the file is no readable MCAP."""
+    """A drive log on disk, roadlog's own or an MCAP of others that a profile explains.
 
-    def __init__(self, path: Path | str) -> None:
+    profile: a profile file or the name of a shipped one, for an MCAP of others; without it the one
+    that an earlier run stored in the file counts, or the shipped one that the message types ask
+    for. Raises LogReadError when the file is no readable MCAP, ConfigError.
+    """
+
+    def __init__(self, path: Path | str, profile: Path | str | None = None) -> None:
         self.path = Path(path)
+        self._given = profile
         self._open()
 
     def _open(self) -> None:
@@ -70,10 +85,52 @@ class DriveLog:
         self.losses: list[str] = self._reader.losses
 
     def tables(self, topics: Iterable[str] | None = None) -> dict[str, Table]:
-        """Columns of the given topics that the log has (default: all), in one pass."""
-        known = {channel.topic for channel in self.channels}
-        wanted = None if topics is None else [topic for topic in topics if topic in known]
-        return self._reader.read(wanted)
+        """Columns of the given topics that the log has (default: all), in one pass.
+
+        In an MCAP of others, roadlog's topics are what the profile makes of the log's own.
+        """
+        known = [channel.topic for channel in self.channels]
+        asked = None if topics is None else list(dict.fromkeys(topics))
+        mapped: Mapping[str, Table] = {}
+        if asked is None:
+            with suppress(LogReadError):  # the log's own topics are there all the same
+                mapped = self._mapped
+        elif not _SIGNALS.isdisjoint(asked):
+            mapped = self._mapped
+        found = {topic: table for topic, table in mapped.items() if asked is None or topic in asked}
+        there = known if asked is None else [topic for topic in asked if topic in known]
+        return found | self._reader.read([topic for topic in there if topic not in mapped])
+
+    @cached_property
+    def profile(self) -> Profile | None:
+        """What explains an MCAP of others; None for roadlog's own.
+
+        Raises LogReadError where nothing fits, ConfigError for a faulty profile.
+        """
+        from roadlog.ingest import foreign
+        from roadlog.ingest.profile import Profile, shipped
+
+        if self._given is not None:
+            return Profile.load(self._given)
+        record = self.metadata.get("profile", {})
+        if record.get("use") == IN_PLACE:
+            where = f"{self.path}: metadata 'profile'"
+            stored = Profile.from_toml(record.get("toml", ""), record.get("name", ""), where)
+            return replace(stored, family=record["name"] in shipped())
+        if foreign.is_own(self.channels) or self.start_ns is None:
+            return None
+        return foreign.own_profile(self.path)
+
+    @cached_property
+    def _mapped(self) -> dict[str, Table]:
+        """roadlog's topics out of the log's own; empty for a log of roadlog's."""
+        from roadlog.ingest import foreign
+
+        if self.profile is None:
+            return {}
+        found, losses = foreign.tables(self.path, self.profile)
+        self.losses += [loss for loss in losses if loss not in self.losses]
+        return found
 
     def drive(self, rate: float = DEFAULT_RATE) -> Drive:
         """The input signals on one clock. Raises LogReadError when there are none."""
@@ -130,6 +187,9 @@ class DriveLog:
         records = {f"estimate/{e.name}": _record(e, drive, engine) for e in estimates}
         if vehicle is not None:
             records["vehicle"] = {"toml": vehicle.to_toml()}
+        if self.profile is not None:
+            origin = {"name": self.profile.name, "toml": self.profile.text}
+            records["profile"] = origin | {"use": IN_PLACE}
 
         def is_replaced(topic: str) -> bool:
             parts = split_estimate_topic(topic)

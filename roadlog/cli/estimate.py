@@ -27,6 +27,10 @@ def estimate(
     vehicle: Annotated[
         Path | None, typer.Option(help="Vehicle file (TOML), instead of the log's own.")
     ] = None,
+    profile: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="What the topics of an MCAP of others mean."),
+    ] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME.PARAM=VALUE", help="Set a parameter; repeatable."),
@@ -58,7 +62,7 @@ def estimate(
     given = Vehicle.load(vehicle) if vehicle else None
     reports, losses = [], []
     for path in logs:
-        report, lost = _estimate_log(path, names, out, given, parsed, engine, rate)
+        report, lost = _estimate_log(path, profile, names, out, given, parsed, engine, rate)
         reports.append(report)
         losses += lost
         if not as_json:
@@ -70,6 +74,7 @@ def estimate(
 
 def _estimate_log(
     path: Path,
+    profile: str | None,
     names: list[str] | None,
     out: Path | None,
     given: Vehicle | None,
@@ -81,7 +86,7 @@ def _estimate_log(
     from roadlog.errors import EstimatorError
     from roadlog.log import DriveLog
 
-    log = DriveLog(path)
+    log = DriveLog(path, profile)
     drive = log.drive(rate)
     vehicle = given or log.vehicle
     skipped: dict[str, str] = {}

@@ -19,6 +19,10 @@ Metrics = dict[str, dict[str, "AngleMetrics"]]
 
 def evaluate(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs with estimates.")],
+    profile: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="What the topics of an MCAP of others mean."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     csv: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write one row per estimator and angle.")
@@ -40,7 +44,7 @@ def evaluate(
 
     results: list[tuple[DriveLog, Metrics]] = []
     for path in logs:
-        log = DriveLog(path)
+        log = DriveLog(path, profile)
         results.append((log, metrics.evaluate(log, skip, remove_offset)))
     if csv is not None:
         _write_csv(csv, [(str(log.path), values) for log, values in results])

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 
 def info(
     log: Annotated[Path, typer.Argument(help="An MCAP log.")],
+    profile: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="What the topics of an MCAP of others mean."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Show channels, what looks wrong, which estimators can run.
@@ -25,7 +29,7 @@ def info(
     from roadlog.log import DriveLog
     from roadlog.summary import summarize
 
-    opened = DriveLog(log)
+    opened = DriveLog(log, profile)
     summary = summarize(opened)
     if as_json:
         console.print_json(asdict(summary))

@@ -29,6 +29,10 @@ def view(
     connect: Annotated[
         str | None, typer.Option(metavar="URL", help="Send to a viewer that runs already.")
     ] = None,
+    profile: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="What the topics of an MCAP of others mean."),
+    ] = None,
     rate: Annotated[float, typer.Option(metavar="HZ", help="Samples per second shown.")] = 20.0,
     names: Annotated[
         list[str] | None,
@@ -52,7 +56,7 @@ def view(
     viewer.check_version()
     if connect is not None:
         viewer.check_listening(connect)
-    opened = [DriveLog(path) for path in logs]
+    opened = [DriveLog(path, profile) for path in logs]
     shown = drive_view(opened, names or (), rate)
     for note in shown.notes:
         console.complain(f"note: {note}")

@@ -1,0 +1,44 @@
+"""An MCAP of others, used in place: its messages through a profile to roadlog's tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from roadlog.errors import LogReadError
+from roadlog.ingest import mapping, mcap
+from roadlog.ingest.profile import Profile, fitting, shipped
+from roadlog.signals import INPUTS
+from roadlog.storage import Channel, Table
+
+OWN = "roadlog."  # package of roadlog's messages
+
+
+def is_own(channels: Iterable[Channel]) -> bool:
+    """Whether a log has a channel of roadlog's own messages."""
+    return any(channel.schema.startswith(OWN) for channel in channels)
+
+
+def own_profile(path: Path) -> Profile:
+    """The shipped profile that a log's message types ask for. Raises LogReadError."""
+    found = fitting(mcap.names(path))
+    if found is None:
+        topics = ", ".join(section.topic for section in INPUTS)
+        raise LogReadError(
+            f"{path}: no vehicle signals: messages on none of {topics}, and no shipped profile "
+            f"fits; say what its topics mean with --profile (a file, or one of: "
+            f"{', '.join(shipped())})"
+        )
+    return found
+
+
+def tables(path: Path, profile: Profile) -> tuple[dict[str, Table], list[str]]:
+    """Topic -> table of what a profile maps, and sentences on what was lost.
+
+    Raises ConfigError for a profile that does not fit, LogReadError.
+    """
+    recording = mcap.read(path, profile)
+    frames = [frame for frame in recording.frames if len(frame)]
+    located, _ = mapping.locate(profile, frames)
+    signals, _ = mapping.signals(profile, located)
+    return {table.topic: table for table in mapping.tables(signals)}, list(recording.losses)
