@@ -90,9 +90,7 @@ def own_messages(path: Path) -> list[tuple[str, int, bytes]]:
         ]
 
 
-def test_estimate_writes_in_place_and_later_commands_know_the_profile(
-    foreign, hill_log, roadlog
-):
+def test_estimate_writes_in_place_and_later_commands_know_the_profile(foreign, hill_log, roadlog):
     before = own_messages(foreign)
     done = roadlog("estimate", "foreign.mcap", "--profile", "p.toml", "-e", "kmbe")
     assert done.returncode == 0, done.stderr
