@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-all lint schemas clean
+.PHONY: demo test test-all lint docs package schemas clean
 
 demo: $(VENV)/installed
 	$(BIN)/roadlog demo
@@ -18,6 +18,20 @@ lint: $(VENV)/installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: $(VENV)/installed
+	$(BIN)/python -m mkdocs build --strict
+
+# sdist and wheel, and the wheel at work in a venv of its own
+package: $(VENV)/installed
+	rm -rf dist build
+	$(BIN)/python -m build --no-isolation --outdir dist
+	$(PYTHON) -m venv build/venv
+	build/venv/bin/python -m pip install --quiet dist/*.whl
+	build/venv/bin/roadlog doctor
+	build/venv/bin/roadlog simulate luo2024-road1 -o build/drive.mcap
+	build/venv/bin/roadlog estimate build/drive.mcap -e kmbe
+	build/venv/bin/roadlog evaluate build/drive.mcap
 
 schemas:
 	$(BIN)/python hatch_build.py
