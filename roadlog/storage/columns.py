@@ -266,6 +266,19 @@ class Columns:
         column[rows] = values
 
 
+def merged(parts: list[tuple[Stamps, dict[str, NDArray]]]) -> tuple[Stamps, dict[str, NDArray]]:
+    """Columns of channels that share a topic as those of one, in time order."""
+    if len(parts) == 1:
+        return parts[0]
+    time = np.concatenate([part[0] for part in parts])
+    order = np.argsort(time, kind="stable")
+    result = {}
+    for name in dict.fromkeys(name for _, columns in parts for name in columns):
+        values = [columns.get(name, np.full(len(own), np.nan)) for own, columns in parts]
+        result[name] = np.concatenate(values)[order]
+    return time[order], result
+
+
 def _gather(data: bytes, offsets: Offsets, size: int) -> Bytes:
     """Records of one size as the rows of a matrix."""
     places = np.ndarray((len(data) - size + 1,), f"V{size}", data, 0, (1,))

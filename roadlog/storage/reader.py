@@ -9,11 +9,14 @@ from typing import TypeVar
 
 from roadlog.errors import LogReadError, MissingSignalError, near
 from roadlog.storage import container
-from roadlog.storage.columns import Codec, Columns
+from roadlog.storage.cdr import Cdr
+from roadlog.storage.columns import Codec, Columns, merged
 from roadlog.storage.container import Source
+from roadlog.storage.json_text import Json
 from roadlog.storage.protobuf import Protobuf
 from roadlog.storage.records import (
     MAGIC,
+    MESSAGE_HEAD,
     PREFIX,
     ChannelRecord,
     Chunk,
@@ -25,6 +28,8 @@ from roadlog.storage.table import Channel, Table
 
 AHEAD = 2  # chunks that are inflated while another is taken apart
 WORTH_A_THREAD = 1 << 23  # bytes of chunks; below, starting a thread takes longer
+
+NO_SCHEMA = Schema(0, "", "", b"")
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -89,7 +94,7 @@ class LogReader:
                 raise MissingSignalError(f"{self.path}: no topic '{topic}'. {near(topic, known)}")
         columns = {
             id_: Columns(
-                self._codec(channel),
+                self._codec(channel, is_asked_for=topics is not None),
                 None if fields is None else fields.get(channel.topic),
                 start_ns,
                 end_ns,
@@ -151,31 +156,47 @@ class LogReader:
             self._lose(f"{topic}: {found.beyond} messages left out, their time is after 2262")
 
     def _table(self, topic: str, columns: Mapping[int, Columns]) -> Table:
-        """The channels of one topic as one table."""
-        ids = [id_ for id_ in columns if self.contents.channels[id_].topic == topic]
-        id_ = max(ids, key=lambda id_: columns[id_].count)
-        channel = self.contents.channels[id_]
-        time, values = columns[id_].finish()
+        """The channels of one topic as one table: those that have the schema of most messages."""
+        channels = [c for c in self.contents.channels.values() if c.topic == topic]
+        counts: dict[tuple[str, bytes], int] = {}
+        for channel in channels:
+            key = self._meaning(channel)
+            counts[key] = counts.get(key, 0) + columns[channel.id].count
+        chosen = max(counts, key=lambda key: counts[key])
+        left = sum(counts.values()) - counts[chosen]
+        if left:
+            self._lose(
+                f"{topic}: {len(counts)} channels of different schemas; {left} messages that are "
+                f"not {chosen[0]} were not read"
+            )
+        same = [columns[c.id] for c in channels if self._meaning(c) == chosen]
+        channel = next(c for c in channels if self._meaning(c) == chosen)
+        time, values = merged([found.finish() for found in same])
         return Table(topic, self._schema_name(channel), time, values, channel.metadata)
+
+    def _meaning(self, channel: ChannelRecord) -> tuple[str, bytes]:
+        schema = self.contents.schemas.get(channel.schema_id, NO_SCHEMA)
+        return schema.name, schema.data + channel.encoding.encode()
 
     def _room(self, id_: int) -> int:
         """How many messages of a channel there can be at most, by the size of its chunks."""
         chunks = [chunk for chunk in self.contents.chunks if id_ in chunk.indexes]
-        return sum(chunk.size for chunk in chunks) // 31
+        return sum(chunk.size for chunk in chunks) // MESSAGE_HEAD
 
-    def _codec(self, channel: ChannelRecord) -> Codec | None:
-        schema = self.contents.schemas.get(channel.schema_id)
-        count = self.contents.counts.get(channel.id, 0)
-        codec = CODECS.get((channel.encoding, schema.encoding if schema else ""))
-        if codec is None:
-            self._lose(f"{channel.topic}: {count} messages are not protobuf and were not read")
-            return None
-        assert schema is not None
-        try:
-            return codec(schema)
-        except Damage as damage:
-            self._lose(f"{channel.topic}: {count} messages without columns: {damage}")
-            return None
+    def _codec(self, channel: ChannelRecord, *, is_asked_for: bool) -> Codec | None:
+        """None where payloads cannot become columns; that is a loss when they were asked for."""
+        schema = self.contents.schemas.get(channel.schema_id, NO_SCHEMA)
+        encodings, codec = CODECS.get(channel.encoding, ((), Json))
+        problem = f"'{channel.encoding}' with schema '{schema.encoding}' is not understood"
+        if schema.encoding in encodings:
+            try:
+                return codec(schema)
+            except Damage as damage:
+                problem = str(damage)
+        if is_asked_for:
+            count = self.contents.counts.get(channel.id, 0)
+            self._lose(f"{channel.topic}: {count} messages have times but no columns: {problem}")
+        return None
 
     def _schema_name(self, channel: ChannelRecord) -> str:
         schema = self.contents.schemas.get(channel.schema_id)
@@ -205,7 +226,12 @@ class LogReader:
             self.losses.append(loss)
 
 
-CODECS: dict[tuple[str, str], Callable[[Schema], Codec]] = {("protobuf", "protobuf"): Protobuf}
+# message encoding -> schema encodings that say what it means, and the codec
+CODECS: dict[str, tuple[tuple[str, ...], Callable[[Schema], Codec]]] = {
+    "protobuf": (("protobuf",), Protobuf),
+    "cdr": (("ros2msg",), Cdr),
+    "json": (("jsonschema", ""), Json),
+}
 
 
 def ahead(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
