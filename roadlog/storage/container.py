@@ -7,12 +7,13 @@ anything is allocated, every CRC that is there is checked.
 
 from __future__ import annotations
 
+import os
 import struct
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import IO, NamedTuple, Protocol
 
 import lz4.frame
 import numpy as np
@@ -39,12 +40,21 @@ Offsets = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
 FOOTER_SIZE = PREFIX.size + 20 + len(MAGIC)  # the Footer record and the magic behind it
+DATA_END_SIZE = PREFIX.size + 4
 MAX_CHUNK = 1 << 29  # bytes; a larger chunk is refused (writers make them of about 1 MiB)
 MAX_LZ4_RATIO = 256  # one byte of LZ4 stands for at most 255 (LZ4 block format)
 SCAN_WINDOW = 1 << 16  # bytes read at once to find where records begin
 RAW = "raw"  # compression of messages outside any chunk, which are handled as if in one
 RUN_SIZE = 1 << 20  # bytes; messages outside chunks are handled in pieces of about this size
+CHECKED_WHOLE = 1 << 22  # bytes; a file with metadata that has no CRC of its own, up to this size
+COPY_SIZE = 1 << 26  # bytes handed to the kernel, or read and written, at once
 _local = threading.local()
+
+
+class Reader(Protocol):
+    """Something whose bytes can be read."""
+
+    def read(self, offset: int, length: int) -> bytes: ...
 
 
 class Source:
@@ -68,8 +78,24 @@ class Source:
             raise Damage(f"the file lost its end at byte {offset + len(data)} while it was read")
         return data
 
-    def fileno(self) -> int:
-        return self._file.fileno()
+    def copy_to(self, file: IO[bytes], start: int, end: int) -> None:
+        """Append a range to a file, by the kernel where it can (some file systems share it)."""
+        file.flush()
+        target = file.tell()
+        position = start
+        try:
+            while position < end:
+                size = min(COPY_SIZE, end - position)
+                at = target + position - start
+                copied = os.copy_file_range(self._file.fileno(), file.fileno(), size, position, at)
+                if not copied:
+                    break
+                position += copied
+        except (OSError, AttributeError):
+            pass
+        file.seek(target + position - start)
+        for rest in range(position, end, COPY_SIZE):
+            file.write(self.read(rest, min(COPY_SIZE, end - rest)))
 
     def close(self) -> None:
         self._file.close()
@@ -90,9 +116,36 @@ class Record(NamedTuple):
         return source.read(self.offset + PREFIX.size, self.length)
 
 
+class MetadataPlace(NamedTuple):
+    """Where a metadata record lies, and its CRC where an index of ours says it."""
+
+    offset: int
+    length: int
+    crc: int | None = None
+
+    @classmethod
+    def parse(cls, content: bytes) -> MetadataPlace:
+        """From a MetadataIndex record."""
+        fields = Fields(content)
+        offset, length = fields.take("Q"), fields.take("Q")
+        fields.text()
+        behind = content[fields.position :]
+        has_crc = len(behind) == len(records.CRC_MARK) + 4 and behind.startswith(records.CRC_MARK)
+        return cls(offset, length, int.from_bytes(behind[-4:], "little") if has_crc else None)
+
+    def read(self, source: Source) -> tuple[str, dict[str, str]]:
+        """Name and texts. Raises Damage."""
+        data = source.read(self.offset, self.length)
+        if self.crc is not None and crc32(data) != self.crc:
+            raise Damage("wrong CRC")
+        fields = Fields(data)
+        fields.position = PREFIX.size
+        return fields.text(), fields.texts()
+
+
 @dataclass
 class Contents:
-    """What a file holds. metadata, attachments: offset and whole length of each record.
+    """What a file holds.
 
     counts: messages per channel id. losses: sentences on what is damaged or missing.
     """
@@ -101,7 +154,7 @@ class Contents:
     channels: dict[int, ChannelRecord] = field(default_factory=dict)
     chunks: list[Chunk] = field(default_factory=list)
     counts: dict[int, int] = field(default_factory=dict)
-    metadata: list[tuple[int, int]] = field(default_factory=list)
+    metadata: list[MetadataPlace] = field(default_factory=list)
     attachments: int = 0
     start_ns: int | None = None
     end_ns: int | None = None
@@ -149,8 +202,7 @@ def _from_summary(source: Source) -> Contents | None:
         elif opcode == records.CHUNK_INDEX:
             result.chunks.append(Chunk.parse(content))
         elif opcode == records.METADATA_INDEX:
-            fields = Fields(content)
-            result.metadata.append((fields.take("Q"), fields.take("Q")))
+            result.metadata.append(MetadataPlace.parse(content))
         elif opcode == records.ATTACHMENT_INDEX:
             result.attachments += 1
         elif opcode == records.STATISTICS:
@@ -161,6 +213,12 @@ def _from_summary(source: Source) -> Contents | None:
     result.counts = dict(statistics.counts)
     if statistics.messages:
         result.start_ns, result.end_ns = statistics.start_ns, statistics.end_ns
+    if start <= CHECKED_WHOLE and any(place.crc is None for place in result.metadata):
+        data_end = source.read(start - DATA_END_SIZE, DATA_END_SIZE)
+        crc = int.from_bytes(data_end[-4:], "little")
+        is_data_end = data_end[: PREFIX.size] == PREFIX.pack(records.DATA_END, 4)
+        if is_data_end and crc and crc != crc_of(source, 0, start - DATA_END_SIZE):
+            return None  # the scan says what is wrong
     return result if _is_complete(result, statistics) else None
 
 
@@ -240,7 +298,7 @@ def scan(source: Source) -> Contents:
             elif found.opcode in (records.SCHEMA, records.CHANNEL):
                 _declare(result, found.opcode, found.content(source))
             elif found.opcode == records.METADATA:
-                result.metadata.append((found.offset, PREFIX.size + found.length))
+                result.metadata.append(MetadataPlace(found.offset, PREFIX.size + found.length))
             elif found.opcode == records.ATTACHMENT:
                 result.attachments += 1
             elif found.opcode == records.DATA_END:
@@ -252,6 +310,9 @@ def scan(source: Source) -> Contents:
             result.losses.append(
                 f"its summary is damaged ({damage}); all messages were found anyway"
             )
+    else:
+        if data_end is None:
+            result.losses.append("it is damaged: no record ends its data")
     for chunk in chunks:
         _take_stock(source, chunk, result)
     _check_declared(result)
@@ -356,7 +417,7 @@ def lost_chunk(chunk: Chunk, damage: Damage) -> str:
     return f"the chunk at byte {chunk.offset}{span} is damaged and was skipped: {damage}"
 
 
-def load(source: Source, chunk: Chunk) -> bytes:
+def load(source: Reader, chunk: Chunk) -> bytes:
     """The records of a chunk, uncompressed and checked. Raises Damage."""
     if chunk.compression == RAW:
         return source.read(chunk.offset, chunk.length)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
 from roadlog.errors import LogReadError, MissingSignalError, near
-from roadlog.storage import container
+from roadlog.storage import container, journal
 from roadlog.storage.cdr import Cdr
 from roadlog.storage.columns import Codec, Columns, merged
 from roadlog.storage.container import Source
@@ -17,11 +18,9 @@ from roadlog.storage.protobuf import Protobuf
 from roadlog.storage.records import (
     MAGIC,
     MESSAGE_HEAD,
-    PREFIX,
     ChannelRecord,
     Chunk,
     Damage,
-    Fields,
     Schema,
 )
 from roadlog.storage.table import Channel, Table
@@ -47,6 +46,7 @@ class LogReader:
         self.path = Path(path)
         self.strict = strict
         self.losses: list[str] = []
+        journal.recover(self.path)
         self.source = Source(self.path)
         try:
             head = self.source.read(0, min(len(MAGIC), self.source.size))
@@ -186,17 +186,13 @@ class LogReader:
     def _codec(self, channel: ChannelRecord, *, is_asked_for: bool) -> Codec | None:
         """None where payloads cannot become columns; that is a loss when they were asked for."""
         schema = self.contents.schemas.get(channel.schema_id, NO_SCHEMA)
-        encodings, codec = CODECS.get(channel.encoding, ((), Json))
-        problem = f"'{channel.encoding}' with schema '{schema.encoding}' is not understood"
-        if schema.encoding in encodings:
-            try:
-                return codec(schema)
-            except Damage as damage:
-                problem = str(damage)
-        if is_asked_for:
-            count = self.contents.counts.get(channel.id, 0)
-            self._lose(f"{channel.topic}: {count} messages have times but no columns: {problem}")
-        return None
+        try:
+            return codec_of(channel.encoding, schema)
+        except Damage as damage:
+            if is_asked_for:
+                count = self.contents.counts.get(channel.id, 0)
+                self._lose(f"{channel.topic}: {count} messages have times but no columns: {damage}")
+            return None
 
     def _schema_name(self, channel: ChannelRecord) -> str:
         schema = self.contents.schemas.get(channel.schema_id)
@@ -209,14 +205,12 @@ class LogReader:
 
     def _read_metadata(self) -> dict[str, dict[str, str]]:
         result = {}
-        for offset, length in self.contents.metadata:
+        for place in self.contents.metadata:
             try:
-                fields = Fields(self.source.read(offset, length))
-                fields.position = PREFIX.size
-                name = fields.text()
-                result[name] = fields.texts()
+                name, values = place.read(self.source)
+                result[name] = values
             except Damage as damage:
-                self._lose(f"the metadata record at byte {offset} cannot be read: {damage}")
+                self._lose(f"the metadata record at byte {place.offset} cannot be read: {damage}")
         return result
 
     def _lose(self, loss: str) -> None:
@@ -232,6 +226,15 @@ CODECS: dict[str, tuple[tuple[str, ...], Callable[[Schema], Codec]]] = {
     "cdr": (("ros2msg",), Cdr),
     "json": (("jsonschema", ""), Json),
 }
+
+
+@lru_cache(maxsize=256)
+def codec_of(encoding: str, schema: Schema) -> Codec:
+    """The codec of a channel; it holds nothing of any message. Raises Damage."""
+    encodings, codec = CODECS.get(encoding, ((), Json))
+    if schema.encoding not in encodings:
+        raise Damage(f"'{encoding}' with schema '{schema.encoding}' is not understood")
+    return codec(schema)
 
 
 def ahead(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:

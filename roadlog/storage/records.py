@@ -21,6 +21,7 @@ SUMMARY_OFFSET, DATA_END = 14, 15
 
 PREFIX = struct.Struct("<BQ")  # opcode and length of every record's content
 MESSAGE_HEAD = 31  # bytes before a message's payload: prefix, channel, sequence, two times
+CRC_MARK = b"crc32"  # announces the CRC behind a MetadataIndex
 LOG_TIME, PUBLISH_TIME = 15, 23  # where its times lie
 MESSAGE_FIELDS = 22  # of these, the ones that the record's length counts
 
@@ -210,8 +211,14 @@ def metadata_record(name: str, values: Mapping[str, str]) -> bytes:
     return record(METADATA, text(name), texts(values))
 
 
-def metadata_index(offset: int, length: int, name: str) -> bytes:
-    return record(METADATA_INDEX, struct.pack("<2Q", offset, length), text(name))
+def metadata_index(offset: int, data: bytes, name: str) -> bytes:
+    """Index of a metadata record that lies at `offset`.
+
+    The CRC of the record stands behind the fields of the specification, where readers look no
+    further: the summary's own CRC then protects the metadata too.
+    """
+    numbers = struct.pack("<2Q", offset, len(data))
+    return record(METADATA_INDEX, numbers, text(name), CRC_MARK, struct.pack("<I", crc32(data)))
 
 
 def attachment_index(offset: int, attachment: bytes) -> bytes:

@@ -6,16 +6,17 @@ their places change, and the summary that tells them.
 
 from __future__ import annotations
 
+import os
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 
 from roadlog.storage import container, crc, records
 from roadlog.storage.container import RAW, Record, Source, outer_records, walk, word
+from roadlog.storage.journal import Before, changing
 from roadlog.storage.reader import LogReader
 from roadlog.storage.records import LOG_TIME, PREFIX, Chunk, Damage, Fields
 from roadlog.storage.table import Table
@@ -35,24 +36,36 @@ def update_log(
     """Replace what `drop` names by `tables` in an existing log; the rest stays byte for byte.
 
     drop: of topics. drop_metadata: of record names. out: write here and leave `path` as it is.
-    The file is replaced at once or not at all. Raises LogReadError, LogWriteError.
+    The file is replaced at once or not at all. in_place: change the file itself from the first
+    byte that differs, with an undo journal beside it, which needs no room for a second file.
+    Raises LogReadError, LogWriteError.
     """
-    del in_place
+    path = Path(path)
     with LogReader(path) as old:
         plan = _Plan.of(old, drop, drop_metadata)
-        with replacing(Path(out or path)) as file:
-            _write(plan, old, file, tables, metadata)
+        if not in_place or out is not None:
+            with replacing(Path(out or path)) as file:
+                writer = Writer(file, crc=plan.start_crc(old.source))
+                _write(writer, plan, old.source, tables, metadata)
+            return
+        cut, crc_before = plan.first_change, plan.start_crc(old.source)
+        with changing(path, old.source, cut) as before, path.open("r+b") as file:
+            file.seek(cut)
+            writer = Writer(file, offset=cut, crc=crc_before)
+            _write(writer, plan, before, tables, metadata)
+            file.truncate()
+            file.flush()
+            os.fsync(file.fileno())
 
 
 def _write(
+    writer: Writer,
     plan: _Plan,
-    old: LogReader,
-    file: IO[bytes],
+    source: Source | Before,
     tables: Iterable[Table],
     metadata: Mapping[str, Mapping[str, str]],
 ) -> None:
-    writer = Writer(file, crc=plan.start_crc(old.source))
-    plan.execute(writer, old.source)
+    plan.execute(writer, source)
     writer.put_tables(tables)
     for name, values in metadata.items():
         writer.put_metadata(name, values)
@@ -65,9 +78,10 @@ class _Plan:
 
     steps: in file order, ranges that are kept and chunks that are kept in part. dropped, unused:
     ids of channels, and of schemas that only these have; inner, inner_unused: of these, the ones
-    that are declared inside chunks only. metadata: offset and name of each kept
-    record. attachments: offset and length. data_end: where the DataEnd record lies, None when the
-    file is cut off; data_crc: what it says. has_damage: a chunk cannot be read; it is kept.
+    that are declared inside chunks only. metadata: offset, length and name of
+    each kept record. attachments: offset and length. has_damage: a chunk cannot be read; it is
+    kept. data_end: where the DataEnd record lies, None when the file is cut off; data_crc: what
+    it says.
     """
 
     contents: container.Contents
@@ -141,8 +155,8 @@ class _Plan:
             start = self.steps.pop()[0]  # type: ignore[index]
         self.steps.append((start, end))
 
-    def execute(self, writer: Writer, source: Source) -> None:
-        """Write what is kept, and tell the writer what there is."""
+    def execute(self, writer: Writer, source: Source | Before) -> None:
+        """Write what is kept and is not there yet, and tell the writer what there is."""
         found = self.contents
         writer.schemas = {k: s for k, s in found.schemas.items() if k not in self.unused}
         writer.channels = {k: c for k, c in found.channels.items() if k not in self.dropped}
@@ -153,8 +167,10 @@ class _Plan:
             if isinstance(step, Chunk):
                 self._rewrite(step, writer, source)
                 continue
-            moved.append((step[0], writer.offset))
-            writer.copy(source, *step)
+            is_there = step == (0, writer.offset)
+            moved.append((step[0], 0 if is_there else writer.offset))
+            if not is_there:
+                writer.copy(source, *step)
         starts = [start for start, _ in moved]
 
         def place(offset: int) -> int:
@@ -171,7 +187,8 @@ class _Plan:
                 indexes = {id_: place(offset) for id_, offset in listed}
                 writer.chunks.append(replace(chunk, offset=place(chunk.offset), indexes=indexes))
         for offset, length, name in self.metadata:
-            writer.metadata.append(records.metadata_index(place(offset), length, name))
+            data = source.read(offset, length)
+            writer.metadata.append(records.metadata_index(place(offset), data, name))
         for offset, length in self.attachments:
             attachment = source.read(offset, length)
             writer.attachments.append(records.attachment_index(place(offset), attachment))
@@ -193,7 +210,7 @@ class _Plan:
         assert isinstance(first, tuple)
         return first[1]
 
-    def _rewrite(self, chunk: Chunk, writer: Writer, source: Source) -> None:
+    def _rewrite(self, chunk: Chunk, writer: Writer, source: Source | Before) -> None:
         """What is left of a chunk without the dropped channels; a few bytes of others may be."""
         data = container.load(source, chunk)
         inside = walk(data)

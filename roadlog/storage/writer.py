@@ -22,8 +22,9 @@ import zstandard
 from numpy.typing import NDArray
 
 from roadlog.errors import ConfigError, LogWriteError, near
-from roadlog.storage import container, records, schemas
-from roadlog.storage.container import Offsets, Source
+from roadlog.storage import records, schemas
+from roadlog.storage.container import COPY_SIZE, Offsets, Source
+from roadlog.storage.journal import Before, path_of, sync_folder
 from roadlog.storage.messages import Wire
 from roadlog.storage.records import (
     MAGIC,
@@ -39,8 +40,6 @@ from roadlog.storage.table import Table
 WINDOW = 60 * 10**9  # ns of one channel in a chunk, aligned to the epoch
 MAX_CHUNK = 1 << 20  # bytes before compression: what players load at once (Foxglove's advice)
 ZSTD_LEVEL = 1  # faster and, on quantized sensor values, smaller than the default 3
-
-COPY_SIZE = 1 << 26  # bytes handed to the kernel, or read and written, at once
 
 Times = NDArray[np.uint64]
 
@@ -149,15 +148,13 @@ class Writer:
             self._compressors[name] = compressor(name)
         return self._compressors[name]
 
-    def copy(self, source: Source, start: int, end: int) -> None:
-        """A range of another file as it is, by the kernel where it can (some share the bytes)."""
+    def copy(self, source: Source | Before, start: int, end: int) -> None:
+        """A range of another file as it is."""
         if self.crc is not None and start:  # the CRC of the first range is known
-            self.crc = container.crc_of(source, start, end, self.crc)
-        self.file.flush()
-        copied = _copy_in_kernel(source.fileno(), self.file.fileno(), start, end)
-        self.file.seek(self.offset + copied)
-        for position in range(start + copied, end, COPY_SIZE):
-            self.file.write(source.read(position, min(COPY_SIZE, end - position)))
+            for position in range(start, end, COPY_SIZE):
+                part = source.read(position, min(COPY_SIZE, end - position))
+                self.crc = crc32(part, self.crc)
+        source.copy_to(self.file, start, end)
         self.offset += end - start
 
     def cover(self, start: int, end: int) -> None:
@@ -167,13 +164,18 @@ class Writer:
 
     def put_metadata(self, name: str, values: Mapping[str, str]) -> None:
         data = records.metadata_record(name, values)
-        self.metadata.append(records.metadata_index(self.offset, len(data), name))
+        self.metadata.append(records.metadata_index(self.offset, data, name))
         self.put(data)
 
-    def finish(self, with_summary: bool = True) -> None:
-        """DataEnd, summary, Footer."""
+    def finish(self, *, with_summary: bool = True) -> None:
+        """DataEnd, summary, Footer.
+
+        No summary where it would not list every message (outside chunks, in chunks without
+        index): who trusts it would miss some without a word.
+        """
         self.put(records.record(records.DATA_END, struct.pack("<I", self.crc or 0)))
-        if not with_summary:
+        indexed = sum(chunk.indexed for chunk in self.chunks)
+        if not with_summary or indexed != sum(self.counts.values()):
             self.put(records.record(records.FOOTER, bytes(20)) + MAGIC)
             return
         statistics = Statistics(
@@ -253,20 +255,6 @@ def write_log(
         writer.finish()
 
 
-def _copy_in_kernel(source: int, target: int, start: int, end: int) -> int:
-    """How many bytes were copied; fewer than asked for, or none, where the kernel cannot."""
-    position = start
-    try:
-        while position < end:
-            copied = os.copy_file_range(source, target, min(COPY_SIZE, end - position), position)
-            if not copied:
-                break
-            position += copied
-    except (OSError, AttributeError):
-        pass
-    return position - start
-
-
 @contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
     """A temporary file beside `path` that takes its place when all went well."""
@@ -280,6 +268,7 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
             file.flush()
             os.fsync(file.fileno())
         Path(name).replace(path)
+        path_of(path).unlink(missing_ok=True)  # of the file that is gone
         sync_folder(path.parent)
     except OSError as error:
         Path(name).unlink(missing_ok=True)
@@ -287,10 +276,3 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
-
-
-def sync_folder(path: Path) -> None:
-    """Make a rename in this folder last."""
-    folder = os.open(path, os.O_RDONLY)
-    os.fsync(folder)
-    os.close(folder)

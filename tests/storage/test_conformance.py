@@ -100,7 +100,9 @@ def _cases() -> Iterator[dict[str, object]]:
         yield {"index_types": index, "compression": compression}
 
 
-@pytest.mark.parametrize("inputs", ["", "message", "attachment", "metadata", "all: message attachment metadata"])  # fmt: skip
+@pytest.mark.parametrize(
+    "inputs", ["", "message", "attachment", "metadata", "message attachment metadata"]
+)
 def test_every_option_of_the_reference_writer(tmp_path: Path, inputs: str) -> None:
     path = tmp_path / "x.mcap"
     for options in _cases():
