@@ -255,6 +255,16 @@ def write_log(
         writer.finish()
 
 
+def _mode(path: Path) -> int:
+    """Permissions of the file that is replaced, or those that any new file gets."""
+    try:
+        return path.stat().st_mode & 0o777
+    except FileNotFoundError:
+        mask = os.umask(0)
+        os.umask(mask)
+        return 0o666 & ~mask
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
     """A temporary file beside `path` that takes its place when all went well."""
@@ -264,6 +274,7 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
         raise LogWriteError(f"{path}: cannot be written: {error.strerror}") from error
     try:
         with os.fdopen(handle, "wb") as file:
+            os.fchmod(file.fileno(), _mode(path))
             yield file
             file.flush()
             os.fsync(file.fileno())
