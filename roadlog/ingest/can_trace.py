@@ -46,7 +46,6 @@ def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
 
 def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """Decoded messages. A trace that ends in the middle gives what comes before, and a loss."""
-    del profile
     try:
         import can as python_can
     except ImportError:
@@ -86,5 +85,5 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
         np.frombuffer(bytes(payload), np.uint8).reshape(-1, PAYLOAD),
         np.array(lengths, np.uint8),
     )
-    decoded = can.decode(frames, messages, path.name)
+    decoded = can.decode(frames, messages, path.name, profile)
     return Recording(decoded.frames, (*losses, *decoded.losses), decoded.notes)

@@ -16,7 +16,6 @@ from roadlog.storage import Channel, LogReader, Table
 from roadlog.types import Stamps
 
 MAGIC = b"\x89MCAP0\r\n"
-CDR = "cdr"
 FIRST = 2_000_000_000  # ns of each topic that are looked at for its fields
 # seconds and nanoseconds of a message's own stamp, as ROS, protobuf and JSON spell them
 STAMPS = [
@@ -38,13 +37,12 @@ def names(path: Path, dbc: object = ()) -> set[str]:
     """`KIND.field` and `TOPIC.field` of every numeric field."""
     del dbc
     with LogReader(path) as reader:
-        found = {
+        return {
             name
             for channel, fields in _fields(reader).values()
             for field in fields
             for name in (f"{ros.kind(channel.schema)}.{field}", f"{channel.topic}.{field}")
         }
-        return found | (ros.names(path) if _has_cdr(reader) else set())
 
 
 def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
@@ -78,22 +76,14 @@ def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
             columns = {f: table.columns[f] if f in wanted else absent(len(time)) for f in fields}
             frames.append(Frame(topic, path.name, time, columns, kind=kind))
         losses = [f"{path.name}: {loss}" for loss in reader.losses]
-        if _has_cdr(reader):
-            recording = ros.read(path, profile)
-            frames += recording.frames
-            losses += recording.losses
     if not frames:
         raise LogReadError(f"{path}: holds no message with numbers")
     return Recording(tuple(frames), tuple(losses))
 
 
-def _has_cdr(reader: LogReader) -> bool:
-    return any(channel.encoding == CDR for channel in reader.channels)
-
-
 def _fields(reader: LogReader) -> Mapping[str, tuple[Channel, list[str]]]:
     """Topic -> its channel and the paths of its fields, as its first messages have them."""
-    topics = {c.topic: c for c in reader.channels if c.count and c.encoding != CDR}
+    topics = {c.topic: c for c in reader.channels if c.count}
     if not topics or reader.start_ns is None:
         return {}
     first = reader.read(topics, end_ns=reader.start_ns + FIRST)

@@ -75,7 +75,7 @@ def _read(file: Any, path: Path, profile: Profile, messages: Sequence[Any]) -> R
         if not group.channel_group.cycles_nr:
             continue
         if BUS in names:
-            decoded = can.decode(_bus_frames(file, index, epoch), messages, path.name)
+            decoded = can.decode(_bus_frames(file, index, epoch), messages, path.name, profile)
             frames += decoded.frames
             notes += decoded.notes
             losses += decoded.losses

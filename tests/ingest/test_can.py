@@ -101,10 +101,42 @@ def test_a_trace_that_is_cut_short_gives_what_comes_before_or_says_so(tmp_path, 
 
 def test_a_dbc_that_does_not_match_is_an_error(dbc):
     frames = frames_of(0x321, np.zeros((3, 8), np.uint8))
-    with pytest.raises(LogReadError, match=r"none of its identifiers \(seen: 0x321\)"):
+    with pytest.raises(LogReadError, match=r"none of its identifiers \(seen: 0x321 \(3\)\)"):
         can.decode(frames, can.load([dbc]), "x.blf")
     with pytest.raises(LogReadError, match="raw CAN needs --dbc"):
         can.decode(frames, [], "x.blf")
+
+
+def test_the_report_tells_what_is_unknown_multiplexed_and_never_valid(dbc):
+    text = DBC.replace(
+        "SIG_VALTYPE_",
+        """BO_ 300 State: 8 ECU
+ SG_ GyroValid : 0|1@1+ (1,0) [0|0] "" ECU
+ SG_ Gone : 8|16@1+ (1,0) [0|0] "" ECU
+ SG_ Choice : 24|8@1+ (1,0) [0|0] "" ECU
+ SG_ Far : 32|8@1+ (1,-100) [0|50] "" ECU
+ SG_ Zero : 40|8@1+ (1,0) [0|50] "" ECU
+VAL_ 300 Choice 14 "SNA" ;
+SIG_VALTYPE_""",
+    )
+    dbc.write_text(text)
+    page = np.zeros((5, 8), np.uint8)  # page 0 only
+    state = np.tile(np.array([0, 255, 255, 14, 7, 0, 0, 0], np.uint8), (5, 1))
+    parts = [frames_of(n, d) for n, d in ((200, page), (300, state), (0x555, page))]
+    frames = can.CanFrames(
+        *(
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("time", "identifier", "data", "length")
+        )
+    )
+    notes = can.decode(frames, can.load([dbc]), "x").notes
+    assert notes[0] == "x: CAN: 3 identifiers, 2 decoded: Muxed, State"
+    assert notes[1] == "x: CAN: unknown identifiers (frames): 0x555 (5)"
+    assert notes[2] == "x: CAN: multiplexed: Muxed"
+    for signal in ("Muxed.Second", "State.GyroValid", "State.Gone", "State.Choice", "State.Far"):
+        assert signal in notes[3]
+    assert "State.Zero" not in notes[3]
+    assert "Muxed.First" not in notes[3]
 
 
 def test_a_broken_dbc_is_named(tmp_path):

@@ -66,7 +66,8 @@ def test_canmod_axes_validity_and_files(shared):
     assert np.nanmin(imu["accel_x"]) > -30  # -64 m/s2 is a frame without data
     duration = np.ptp(tables["/imu"].time) * 1e-9
     assert duration == pytest.approx(29 * 60, abs=90)
-    assert len(result.notes) == 3
+    assert sum("identifiers, 10 decoded" in note for note in result.notes) == 3
+    assert any("unknown identifiers (frames): 0x17F00010" in note for note in result.notes)
     assert np.abs(np.degrees(tables["/truth/angles"].columns["grade"])).max() < 12
 
 

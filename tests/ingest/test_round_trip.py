@@ -279,7 +279,6 @@ def test_the_header_is_the_clock_where_the_profile_says_so(tmp_path, storage):
     check(ingest([inside], profile))
 
 
-@pytest.mark.xfail(reason="JSON channels are not read yet", strict=False)
 def test_foreign_json_in_an_mcap(tmp_path):
     from mcap.writer import Writer
 
