@@ -17,6 +17,10 @@ def plot(
     out: Annotated[
         Path, typer.Option("-o", "--out", metavar="FILE", help="Ends in .png, .svg or .pdf.")
     ],
+    profile: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="What the topics of an MCAP of others mean."),
+    ] = None,
     names: Annotated[
         list[str] | None,
         typer.Option("-e", "--estimator", metavar="NAME", help="Only this one; repeatable."),
@@ -36,7 +40,7 @@ def plot(
         raise typer.BadParameter(
             f"{out}: must end in {', '.join(SUFFIXES)}", param_hint="'-o' / '--out'"
         )
-    opened = [DriveLog(path) for path in logs]
+    opened = [DriveLog(path, profile) for path in logs]
     shown = drive_view(opened, names or ())
     for note in shown.notes:
         console.complain(f"note: {note}")

@@ -57,13 +57,13 @@ def angle_figure(view: DriveView) -> Figure:
         for name, curve in view.truth.get(angle, {}).items():
             gray = f"#{colors.TRUTH:06x}"
             drawn[name] = row[0].plot(curve.time, curve.values, color=gray, lw=2.5)[0]
-        for name in view.shown.get(angle, ()):
+        for name in reversed(view.shown.get(angle, ())):  # the most prominent one lies on top
             curve = view.estimates[angle][name]
             drawn[name] = row[0].plot(curve.time, curve.values, color=color[name], lw=1.0)[0]
             _band(row[0], curve, curve.values, color[name])
         _finish(row[0], f"{angle} [°]", view.ranges[angle])
         if angle in view.errors:
-            for name in view.shown[angle]:
+            for name in reversed(view.shown[angle]):
                 if name in view.errors[angle]:
                     error = view.errors[angle][name]
                     row[1].plot(error.time, error.values, color=color[name], lw=1.0)

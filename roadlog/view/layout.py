@@ -189,9 +189,9 @@ def _angle_plot(view: DriveView, angle: str) -> rrb.TimeSeriesView:
 def _near_plot(view: DriveView, angle: str, span: Any) -> rrb.TimeSeriesView:
     """What is drawn at first, around the cursor."""
     return rrb.TimeSeriesView(
-        name=f"{angle} [°]",
+        name=f"{angle} [°], {_AROUND[0]:.0f} s back and {_AROUND[1]:.0f} s on",
         origin=path("angles", angle),
-        contents=[*_EVERYTHING, f"- $origin/{MORE}"],
+        contents=[*_EVERYTHING, f"- $origin/{MORE}/**"],
         axis_y=rrb.ScalarAxis(range=view.ranges[angle]),
         time_ranges=span,
         plot_legend=rrb.PlotLegend(visible=False),
@@ -203,7 +203,7 @@ def _error_plot(view: DriveView, angle: str) -> rrb.TimeSeriesView:
         f"{angle} error and ±2 sd [°]",
         path("errors", angle),
         view.error_ranges[angle],
-        [*_EVERYTHING, f"- $origin/{MORE}"],
+        [*_EVERYTHING, f"- $origin/{MORE}/**"],
     )
 
 

@@ -7,6 +7,7 @@ import rerun as rr
 APPLICATION = "roadlog"
 TIMELINE = "drive_time"
 DISTANCE = "distance_m"  # m driven
+BAND = "band"  # below the entity of the errors
 SHOWN, MORE = "estimates", "more_estimates"  # drawn at first, switched on in the legend
 
 

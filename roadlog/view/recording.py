@@ -16,7 +16,7 @@ from roadlog.view import colors
 from roadlog.view.lanes import STATES
 from roadlog.view.layout import layout
 from roadlog.view.model import Curve, DriveView
-from roadlog.view.names import APPLICATION, DISTANCE, MORE, SHOWN, TIMELINE, path
+from roadlog.view.names import APPLICATION, BAND, DISTANCE, MORE, SHOWN, TIMELINE, path
 from roadlog.view.scene import Scene
 from roadlog.view.stops import TITLE, StopPicture
 from roadlog.view.track import Track
@@ -166,17 +166,20 @@ def _errors(
 ) -> None:
     """Errors and the bands that most of them should stay in: 2 sd on either side of zero."""
     _style(recording, entity, rr.SeriesLines, curves, color, visible, CURVE_WIDTH)
-    _style(recording, entity, rr.Measurements, curves, color, visible, 0.0)
     first = next(iter(curves.values()))
+    times = _times(first.time, first.distance)
+    lengths = np.full(len(first.time), len(curves))
     errors = _stacked([c.values for c in curves.values()])
+    lines = rr.Scalars.columns(scalars=_fine(errors)).partition(lengths)
+    recording.send_columns(entity, times, lines)
+    # on the same entity the viewer would draw a second band, around the error
+    entity = f"{entity}/{BAND}"
+    _style(recording, entity, rr.Measurements, curves, color, visible, 0.0)
     bands = rr.Measurements.columns(
         values=np.where(np.isfinite(errors), 0.0, np.nan),
         variances=_coarse(_stacked([_variance(c, 2.0) for c in curves.values()])),
     )
-    lengths = np.full(len(first.time), len(curves))
-    lines = rr.Scalars.columns(scalars=_fine(errors)).partition(lengths)
-    times = _times(first.time, first.distance)
-    recording.send_columns(entity, times, [*lines, *bands.partition(lengths)])
+    recording.send_columns(entity, times, bands.partition(lengths))
 
 
 def _style(

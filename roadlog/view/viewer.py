@@ -132,13 +132,14 @@ def pictures(path: Path, folder: Path, at: float, size: str = WINDOW) -> list[Pa
 class Headless:
     """A viewer without a window and the recording it shows."""
 
-    def __init__(self, client: Any) -> None:
+    def __init__(self, client: Any, url: str) -> None:
         self.client = client
+        self.url = url
         blueprint = client.get_blueprint().blueprint
-        self._root = next(key for key, value in blueprint.items() if _is_root(key, blueprint))
-        self.tabs: dict[str, str] = {}
-        for child in blueprint[self._root]["ContainerBlueprint"]["contents"]:
-            self.tabs[_name_of(blueprint, child)] = child
+        self._root = f"/container/{blueprint['/viewport']['ViewportBlueprint']['root_container']}"
+        tabs = blueprint[self._root]["ContainerBlueprint"]["contents"]
+        tabs = [tabs] if isinstance(tabs, str) else tabs
+        self.tabs: dict[str, str] = {_name_of(blueprint, tab): tab for tab in tabs}
         self._started = time.monotonic()
 
     def set_time(self, timeline: str, **at: Any) -> None:
@@ -189,12 +190,13 @@ def headless(path: Path, size: str = WINDOW) -> Iterator[Headless]:
                     "apt-get install mesa-vulkan-drivers"
                 ) from error
             raise
-        client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
+        url = f"rerun+http://{LOOPBACK}:{port}/proxy"
+        client = ViewerClient.connect(url)
         client.open(str(path))
         deadline = time.monotonic() + LOAD_TIME
         while client.get_state().loading and time.monotonic() < deadline:
             time.sleep(0.2)
-        yield Headless(client)
+        yield Headless(client, url)
 
 
 def _executable() -> str:
@@ -263,22 +265,10 @@ def _free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def _is_root(key: str, blueprint: dict[str, Any]) -> bool:
-    """The container that no other container holds."""
-    if "ContainerBlueprint" not in blueprint[key]:
-        return False
-    inside = [
-        child
-        for value in blueprint.values()
-        for child in value.get("ContainerBlueprint", {}).get("contents", [])
-    ]
-    return key not in inside and key.strip("/") not in [c.strip("/") for c in inside]
-
-
 def _name_of(blueprint: dict[str, Any], key: str) -> str:
-    entry = blueprint.get(key) or blueprint.get(key.strip("/")) or blueprint[f"/{key.strip('/')}"]
-    kind = entry.get("ContainerBlueprint") or entry.get("ViewBlueprint") or {}
-    return str(kind.get("display_name", "view"))
+    entry = blueprint[f"/{key}"]
+    part = entry.get("ContainerBlueprint") or entry["ViewBlueprint"]
+    return str(part["display_name"])
 
 
 def _alike(one: bytes, other: bytes) -> bool:

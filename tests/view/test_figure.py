@@ -1,0 +1,102 @@
+"""The figure of `roadlog plot`, and the viewer in a notebook."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Run
+from matplotlib.colors import to_hex
+from matplotlib.image import imread
+from numpy.testing import assert_allclose
+from view_logs import ERROR, NAMES, SD, make_log
+
+from roadlog import view as roadlog_view
+from roadlog.errors import LogReadError, MissingExtraError
+from roadlog.log import DriveLog
+from roadlog.view import colors
+from roadlog.view.figure import angle_figure, write_figure
+from roadlog.view.model import drive_view
+
+
+def test_figure_draws_what_the_view_holds(log: DriveLog) -> None:
+    view = drive_view(log, ["kmbe"])
+    figure = angle_figure(view)
+    angle, error = figure.axes[:2]
+    assert (angle.get_ylabel(), error.get_ylabel()) == ("grade [°]", "grade error [°]")
+    truth, kmbe = angle.get_lines()
+    assert_allclose(truth.get_ydata(), view.truth["grade"]["truth"].values)
+    assert_allclose(kmbe.get_ydata(), view.estimates["grade"]["kmbe"].values)
+    assert to_hex(kmbe.get_color()) == f"#{colors.colors(['kmbe'])['kmbe']:06x}"
+    assert_allclose(error.get_lines()[0].get_ydata()[21:], np.degrees(ERROR), atol=1e-9)
+    (band,) = error.collections
+    assert_allclose(np.ptp(band.get_paths()[0].vertices[:, 1]), 4 * np.degrees(SD), atol=1e-9)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["truth", "kmbe"]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "start"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")]
+)
+def test_figure_is_the_same_bytes_every_time(
+    suffix: str, start: bytes, log: DriveLog, tmp_path: Path
+) -> None:
+    view = drive_view(log, ["kmbe"])
+    paths = [tmp_path / f"{k}{suffix}" for k in range(2)]
+    for path in paths:
+        write_figure(view, path)
+    first, second = (path.read_bytes() for path in paths)
+    assert first.startswith(start)
+    assert first == second
+
+
+def test_plot_command(log: DriveLog, tmp_path: Path, roadlog: Run) -> None:
+    out = tmp_path / "x.png"
+    run = roadlog("plot", log.path, "-o", out)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert run.stdout == f"{out}: fusion, tfobe, kmbe\n"
+    assert len(np.unique(imread(out).reshape(-1, 4), axis=0)) > 50
+    assert roadlog("plot", log.path, "-o", "x.jpg").returncode == 2
+
+
+def test_nothing_to_draw(tmp_path: Path) -> None:
+    log = make_log(tmp_path / "plain.mcap", (), truth=False)
+    with pytest.raises(LogReadError, match="no estimates and no truth to draw"):
+        write_figure(drive_view(log), tmp_path / "x.png")
+    assert not (tmp_path / "x.png").exists()
+
+
+def test_save_says_what_is_missing(tmp_path: Path, roadlog: Run) -> None:
+    log = make_log(tmp_path / "plain.mcap", (), truth=False)
+    run = roadlog("view", log.path, "--save", tmp_path / "x.rrd")
+    assert run.returncode == 0
+    assert f"has no estimates yet; run `roadlog estimate {log.path}`" in run.stderr
+    assert "has no truth, so no errors are shown" in run.stderr
+    assert "60.0 s, 0 estimates" in run.stdout
+
+
+def test_runs_side_by_side(tmp_path: Path, roadlog: Run) -> None:
+    logs = [make_log(tmp_path / f"{name}.mcap", NAMES[:2]).path for name in "ab"]
+    run = roadlog("view", *logs, "-e", "fusion", "--save", tmp_path / "x.rrd")
+    assert (run.returncode, run.stderr) == (0, "")
+    assert "2 estimates" in run.stdout
+    assert roadlog("view", logs[0], "--web", "--png", tmp_path).returncode == 2
+
+
+def test_notebook_without_its_extra(log: DriveLog, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'roadlog\[notebook\]'"):
+        roadlog_view.notebook(log)
+
+
+def test_notebook_shows_the_viewer(log: DriveLog, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("rerun_notebook", reason="the extra `notebook` is not installed")
+    import rerun as rr
+
+    shown = []
+    monkeypatch.setattr(rr.RecordingStream, "notebook_show", lambda self, **o: shown.append(o))
+    roadlog_view.notebook(log, ["kmbe"])
+    (options,) = shown
+    assert options["height"] == 700
+    assert options["blueprint"] is not None
