@@ -95,7 +95,7 @@ def test_notebook_shows_the_viewer(log: DriveLog, monkeypatch: pytest.MonkeyPatc
     import rerun as rr
 
     shown = []
-    monkeypatch.setattr(rr.RecordingStream, "notebook_show", lambda self, **o: shown.append(o))
+    monkeypatch.setattr(rr.RecordingStream, "notebook_show", lambda _, **o: shown.append(o))
     roadlog_view.notebook(log, ["kmbe"])
     (options,) = shown
     assert options["height"] == 700

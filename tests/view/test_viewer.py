@@ -49,7 +49,7 @@ def test_first_plot_spans_the_drive_and_no_view_complains(log: DriveLog, tmp_pat
         shown.set_time("drive_time", duration=CURSOR, play_state="paused")
         (grade,) = [v for v in shown.client.get_state().views if v.name == "grade [°]"]
         rgb = np.round(255 * imread(io.BytesIO(shown.picture(grade.view_id)))[..., :3]).astype(int)
-        height, width = rgb.shape[:2]
+        width = rgb.shape[1]
         # only the cursor is a bright line from top to bottom; it would stand in the middle of a
         # plot that opened on the half minute around it
         bright = (rgb.min(axis=-1) > 150).mean(axis=0)
