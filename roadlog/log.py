@@ -15,8 +15,10 @@ import numpy as np
 from roadlog.drive import DEFAULT_RATE, Drive
 from roadlog.errors import LogReadError, MissingSignalError, near
 from roadlog.estimate import Estimate
+from roadlog.location_fix import location_fix
 from roadlog.signals import (
     ANGLES,
+    FIX_TOPIC,
     INPUTS,
     SECTIONS,
     TRUTH_TOPIC,
@@ -176,11 +178,13 @@ class DriveLog:
         engine: str,
         vehicle: Vehicle | None = None,
         out: Path | None = None,
+        in_place: bool = False,
     ) -> None:
         """Put estimates into the log, in place of earlier ones of the same name.
 
         Everything else stays byte for byte; the file is replaced at once or not at all. vehicle:
-        stored in the log when given. Raises LogWriteError.
+        stored in the log when given. in_place: change the file itself, with an undo journal beside
+        it, instead of writing a copy. Raises LogWriteError.
         """
         estimates = list(estimates)
         names = {estimate.name for estimate in estimates}
@@ -203,6 +207,7 @@ class DriveLog:
                 drop=is_replaced,
                 drop_metadata=records.__contains__,
                 out=out,
+                in_place=in_place,
             )
         if out is None:
             self._open()  # the file is another one now
@@ -226,9 +231,20 @@ def create(
     metadata: Mapping[str, Mapping[str, str]] | None = None,
     vehicle: Vehicle | None = None,
 ) -> DriveLog:
-    """Write a new log and open it. Raises LogWriteError."""
+    """Write a new log and open it, with the fixes once more for maps. Raises LogWriteError."""
     records = dict(metadata or {})
     if vehicle is not None:
         records["vehicle"] = {"toml": vehicle.to_toml()}
+    tables = [_with_roles(table) for table in tables]
+    topics = {table.topic for table in tables}
+    if FIX_TOPIC not in topics:
+        tables += [fix for fix in map(location_fix, tables) if fix is not None]
     write_log(Path(path), tables, records)
     return DriveLog(path)
+
+
+def _with_roles(table: Table) -> Table:
+    """The same; its channel's metadata says which field is which signal."""
+    sections = [section for section in SECTIONS.values() if section.topic == table.topic]
+    roles = {f"role.{s.field}": s.role for section in sections for s in section.signals}
+    return replace(table, metadata=roles | dict(table.metadata))

@@ -24,6 +24,13 @@ def estimate(
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="Write here and leave LOG as it is.")
     ] = None,
+    in_place: Annotated[
+        bool,
+        typer.Option(
+            "--in-place",
+            help="Change a very large LOG itself, with an undo journal, instead of copying it.",
+        ),
+    ] = False,
     vehicle: Annotated[
         Path | None, typer.Option(help="Vehicle file (TOML), instead of the log's own.")
     ] = None,
@@ -58,11 +65,15 @@ def estimate(
         raise typer.BadParameter("must be between 1 and 2000 Hz", param_hint="--rate")
     if out is not None and len(logs) > 1:
         raise typer.BadParameter("takes one LOG", param_hint="--out")
+    if out is not None and in_place:
+        raise typer.BadParameter("does not go with --out", param_hint="--in-place")
     parsed = _parse_settings(settings or [])
     given = Vehicle.load(vehicle) if vehicle else None
     reports, losses = [], []
     for path in logs:
-        report, lost = _estimate_log(path, profile, names, out, given, parsed, engine, rate)
+        report, lost = _estimate_log(
+            path, profile, names, out, in_place, given, parsed, engine, rate
+        )
         reports.append(report)
         losses += lost
         if not as_json:
@@ -77,6 +88,7 @@ def _estimate_log(
     profile: str | None,
     names: list[str] | None,
     out: Path | None,
+    in_place: bool,
     given: Vehicle | None,
     settings: dict[str, dict[str, str]],
     engine: Any,
@@ -108,7 +120,7 @@ def _estimate_log(
         reasons = "; ".join(f"{name}: {reason}" for name, reason in skipped.items())
         raise EstimatorError(f"{path}: no estimator can run. {reasons}")
     estimates = [estimators.run(name, drive, vehicle, by_name.get(name), engine) for name in chosen]
-    log.write(estimates, drive, engine=engine, vehicle=given, out=out)
+    log.write(estimates, drive, engine=engine, vehicle=given, out=out, in_place=in_place)
     report = {
         "log": str(out or path),
         "duration_s": round(float(drive.time[-1]), 3),

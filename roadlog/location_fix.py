@@ -1,0 +1,44 @@
+"""`/gnss` once more as `foxglove.LocationFix`, the message that viewers draw on a map."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roadlog.signals import FIX_TOPIC, SECTIONS
+from roadlog.storage import Table
+
+SCHEMA = "foxglove.LocationFix"
+DIAGONAL_KNOWN = 2  # foxglove.LocationFix.PositionCovarianceType
+NS = 10**9
+_DIAGONAL = {0: "horizontal_accuracy", 4: "horizontal_accuracy", 8: "vertical_accuracy"}
+
+
+def location_fix(gnss: Table) -> Table | None:
+    """The fixes whose place is known; None where there is no such fix or this is not /gnss.
+
+    Covariance in m^2 about east, north, up, where all fixes say their accuracy.
+    """
+    if gnss.topic != SECTIONS["gnss"].topic or not {"latitude", "longitude"} <= set(gnss.columns):
+        return None
+    columns = {name: np.asarray(values, np.float64) for name, values in gnss.columns.items()}
+    known = np.isfinite(columns["latitude"]) & np.isfinite(columns["longitude"])
+    if not known.any():
+        return None
+    time = gnss.time[known]
+    fix: dict[str, NDArray] = {
+        "timestamp.seconds": time // NS,
+        "timestamp.nanos": (time % NS).astype(np.int32),
+        "latitude": columns["latitude"][known],
+        "longitude": columns["longitude"][known],
+    }
+    if "altitude" in columns:
+        fix["altitude"] = columns["altitude"][known]
+    accuracy = {name: columns[name][known] for name in _DIAGONAL.values() if name in columns}
+    if len(accuracy) == 2 and all(np.isfinite(values).all() for values in accuracy.values()):
+        zero = np.zeros(len(time))
+        for k in range(9):
+            variance = accuracy[_DIAGONAL[k]] ** 2 if k in _DIAGONAL else zero
+            fix[f"position_covariance.{k}"] = variance
+        fix["position_covariance_type"] = np.full(len(time), DIAGONAL_KNOWN, np.int32)
+    return Table(FIX_TOPIC, SCHEMA, time, fix)
