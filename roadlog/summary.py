@@ -2,146 +2,186 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from roadlog import checks
+from roadlog.checks import Finding
 from roadlog.drive import Drive, stale_limit
-from roadlog.errors import LogReadError
+from roadlog.errors import ConfigError, LogReadError
 from roadlog.log import DriveLog
-from roadlog.signals import SECTIONS, SIGNALS
-from roadlog.storage import Table
-from roadlog.types import Floats
-from roadlog.units import STANDARD_GRAVITY as G
+from roadlog.signals import SECTIONS, SIGNALS, split_estimate_topic
+from roadlog.storage import Channel, Table
 
-# Plausibility limits: what an ordinary car on an ordinary road does not exceed.
-MAX_TILT = 20.0  # deg, mean specific force against the z axis
-GRAVITY_TOLERANCE = 0.5  # m/s2, mean size of the specific force against g
-MAX_SPEED = 70.0  # m/s
-MAX_RATE = 3.0  # rad/s, median of the largest gyro rates
+SECTION_OF = {section.topic: name for name, section in SECTIONS.items()}
 
 
 @dataclass(frozen=True)
 class ChannelSummary:
-    """One channel: rate in Hz, longest gap in s, jitter = sd of the intervals in s."""
+    """One channel.
+
+    role: section of the vocabulary, `estimate`, or None for a channel that roadlog does not use.
+    rate: Hz, median. jitter: s, sd of the intervals without the gaps. gaps: intervals beyond the
+    stale limit (design section 2), longest_gap the largest interval in s. nan_share: of the values
+    of the signals it has. not_monotonic: stamps that repeat or run backward.
+    """
 
     topic: str
+    role: str | None
     schema: str
+    encoding: str
     messages: int
     rate: float | None
     jitter: float | None
-    gaps: int
+    gaps: int | None
     longest_gap: float | None
-    not_monotonic: int
+    nan_share: float | None
+    not_monotonic: int | None
 
 
 @dataclass(frozen=True)
 class SignalSummary:
-    """One signal: its role and unit, share of NaN, smallest, mean and largest value."""
+    """One signal: role, unit, Hz at which it is known, share of NaN, smallest, mean, largest."""
 
     role: str
+    topic: str
     unit: str
+    rate: float | None
     nan_share: float
-    minimum: float | None
-    mean: float | None
-    maximum: float | None
+    minimum: float
+    mean: float
+    maximum: float
+
+
+@dataclass(frozen=True)
+class EstimatorSummary:
+    """Whether an estimator can run on the log; reason: why not, or what to know."""
+
+    name: str
+    can_run: bool
+    gives: tuple[str, ...]
+    reason: str
 
 
 @dataclass(frozen=True)
 class LogSummary:
-    """Everything that `roadlog info` says."""
+    """Everything that `roadlog info` says.
+
+    profile: what the profile that made the log puts right. checks: what looks wrong.
+    """
 
     log: str
     duration: float
+    profile: list[str]
     channels: list[ChannelSummary]
     signals: list[SignalSummary]
-    warnings: list[str]
-    can_run: list[str]
-    cannot_run: dict[str, str]
+    checks: list[Finding]
+    estimators: list[EstimatorSummary]
 
 
 def summarize(log: DriveLog) -> LogSummary:
     """Look through a whole log. Raises LogReadError when the file cannot be read."""
-    from roadlog import estimators
-
     tables = log.tables()
-    drive: Drive | None = None
-    try:
-        drive = log.drive()
-        warnings = implausible(drive)
-    except LogReadError as error:
-        warnings = [str(error)]
-    can_run, cannot_run = [], {}
-    for estimator in estimators.all_estimators():
-        missing = estimator.missing(drive) if drive is not None else list(estimator.needs)
-        if missing:
-            cannot_run[estimator.name] = f"no {', no '.join(missing)}"
-        else:
-            can_run.append(estimator.name)
     span = 0 if log.start_ns is None or log.end_ns is None else log.end_ns - log.start_ns
+    duration = span * 1e-9
+    drive: Drive | None = None
+    found: list[Finding] = []
+    try:
+        found = checks.check(tables)
+        drive = Drive.from_tables(tables.values())
+    except LogReadError as error:
+        found.append(Finding("no_drive", "fault", (), str(error)))
     return LogSummary(
         str(log.path),
-        span * 1e-9,
-        [_channel(table) for table in tables.values()],
+        duration,
+        corrections(log.metadata.get("profile", {})),
+        [_channel(channel, tables.get(channel.topic), duration) for channel in log.channels],
         _signals(tables),
-        warnings,
-        can_run,
-        cannot_run,
+        found,
+        _estimators(drive, log),
     )
 
 
-def implausible(drive: Drive) -> list[str]:
-    """Sentences on units, axes and signs that cannot be, each with what to do."""
+def corrections(record: Mapping[str, str]) -> list[str]:
+    """Sentences on what the profile that made a log puts right."""
+    from roadlog.ingest.profile import Profile
+
+    try:
+        profile = Profile.from_toml(record["toml"], record.get("name", ""))
+    except (KeyError, ConfigError):
+        return []
     found = []
-    if all(f"imu.accel_{axis}" in drive for axis in "xyz"):
-        found += _gravity(np.array([np.nanmean(drive[f"imu.accel_{axis}"]) for axis in "xyz"]))
-    if drive.has_speed:
-        top = float(np.nanmax(np.abs(drive.speed)))
-        if top > MAX_SPEED:
-            found.append(f"speed reaches {top:.0f} m/s: is its unit km/h? Say so in the profile")
-    for axis in "xyz":
-        role = f"imu.gyro_{axis}"
-        if role in drive and np.nanpercentile(np.abs(drive[role]), 95) > MAX_RATE:
-            found.append(f"{role} exceeds {MAX_RATE} rad/s often: is its unit deg/s?")
-    return found
+    for name, mount in profile.mounts.items():
+        if not np.allclose(mount, np.eye(3)):
+            rows = ", ".join("[" + ", ".join(f"{c:.3g}" for c in row) + "]" for row in mount)
+            found.append(f"{name}: axes turned by [{rows}]")
+    groups: dict[str, list[str]] = {}
+    for entry in profile:
+        said = []
+        if entry.scale == -1:
+            said.append("sign turned")
+        elif entry.scale != 1:
+            said.append(f"scaled by {entry.scale:g}")
+        if entry.offset:
+            said.append(f"offset {entry.offset:g} {entry.unit}")
+        if entry.delay:
+            said.append(f"moved by its delay of {entry.delay:g} s")
+        if entry.valid:
+            condition = entry.valid
+            said.append(f"used where {condition.name} {condition.compare} {condition.value:g}")
+        if said:
+            groups.setdefault(", ".join(said), []).append(entry.role)
+    return found + [f"{', '.join(roles)}: {said}" for said, roles in groups.items()]
 
 
-def _gravity(mean: Floats) -> list[str]:
-    size = float(np.linalg.norm(mean))
-    if abs(size - 1.0) < 0.1:
-        return ["accelerations are about 1 at rest: their unit is g, say so in the profile"]
-    if abs(size - G) > GRAVITY_TOLERANCE:
-        return [f"mean specific force is {size:.2f} m/s2 instead of 9.81: check unit and scale"]
-    tilt = float(np.degrees(np.arccos(np.clip(mean[2] / size, -1, 1))))
-    if tilt > 180 - MAX_TILT:
-        return ["gravity reads -9.81 on z: turn all accelerometer signs in the profile"]
-    if tilt > MAX_TILT:
-        axis = "xyz"[int(np.argmax(np.abs(mean)))]
-        return [
-            f"gravity is {tilt:.0f} deg off z, mostly on {axis}: give the profile a [imu] mount"
-        ]
-    return []
+def _estimators(drive: Drive | None, log: DriveLog) -> list[EstimatorSummary]:
+    from roadlog import estimators
+    from roadlog.estimators.base import default_notes
+
+    result = []
+    for estimator in estimators.all_estimators():
+        missing = list(estimator.needs) if drive is None else estimator.missing(drive)
+        if missing:
+            reason = f"no {', no '.join(need.replace('|', ' or ') for need in missing)}"
+        else:
+            reason = "; ".join(default_notes(estimator, log.vehicle))
+        result.append(EstimatorSummary(estimator.name, not missing, estimator.gives, reason))
+    return result
 
 
-def _channel(table: Table) -> ChannelSummary:
-    steps = np.diff(table.time) * 1e-9
-    if len(steps) == 0 or not (steps > 0).any():
-        return ChannelSummary(table.topic, table.schema, len(table), None, None, 0, None, 0)
+def _channel(channel: Channel, table: Table | None, duration: float) -> ChannelSummary:
+    role = SECTION_OF.get(channel.topic)
+    if role is None and split_estimate_topic(channel.topic):
+        role = "estimate"
+    what = (channel.topic, role, channel.schema, channel.encoding, channel.count)
+    steps = np.empty(0) if table is None else np.diff(table.time) * 1e-9
+    if table is None or not (steps > 0).any():
+        rate = (channel.count - 1) / duration if channel.count > 1 and duration > 0 else None
+        repeated = None if table is None or not len(table) else len(steps)
+        return ChannelSummary(*what, rate, None, None, None, _nan_share(table), repeated)
     ordered = np.sort(table.time - table.time.min()) * 1e-9
     limit = stale_limit(ordered)
     return ChannelSummary(
-        table.topic,
-        table.schema,
-        len(table),
+        *what,
         float(1 / np.median(steps[steps > 0])),
-        float(np.std(steps[steps <= limit])),
+        float(np.std(steps[steps <= limit])) if (steps <= limit).any() else None,
         int((steps > limit).sum()),
         float(steps.max()),
+        _nan_share(table),
         int((steps <= 0).sum()),
     )
 
 
-def _signals(tables: dict[str, Table]) -> list[SignalSummary]:
+def _nan_share(table: Table | None) -> float | None:
+    if table is None:
+        return None
+    reals = [v for v in table.columns.values() if v.dtype.kind == "f" and np.isfinite(v).any()]
+    return float(np.mean([~np.isfinite(values) for values in reals])) if reals else None
+
+
+def _signals(tables: Mapping[str, Table]) -> list[SignalSummary]:
     result = []
     for section in SECTIONS.values():
         table = tables.get(section.topic)
@@ -149,16 +189,21 @@ def _signals(tables: dict[str, Table]) -> list[SignalSummary]:
             continue
         for signal in section.signals:
             values = np.asarray(table.columns.get(signal.field, []), np.float64)
-            known = values[np.isfinite(values)]
-            if len(known):
-                result.append(
-                    SignalSummary(
-                        signal.role,
-                        SIGNALS[signal.role].unit,
-                        1 - len(known) / len(values),
-                        float(known.min()),
-                        float(known.mean()),
-                        float(known.max()),
-                    )
+            fresh = np.isfinite(values)
+            known = values[fresh]
+            if not len(known):
+                continue
+            steps = np.diff(table.time[fresh]) * 1e-9
+            result.append(
+                SignalSummary(
+                    signal.role,
+                    section.topic,
+                    SIGNALS[signal.role].unit,
+                    float(1 / np.median(steps[steps > 0])) if (steps > 0).any() else None,
+                    1 - len(known) / len(values),
+                    float(known.min()),
+                    float(known.mean()),
+                    float(known.max()),
                 )
+            )
     return result

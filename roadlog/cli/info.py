@@ -22,7 +22,7 @@ def info(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Show channels, what looks wrong, which estimators can run.
+    """Show channels, signals, what looks wrong, and which estimators can run.
 
     Example: roadlog info drive.mcap
     """
@@ -42,34 +42,50 @@ def _print(summary: LogSummary) -> None:
     rows = [
         [
             channel.topic,
-            channel.schema,
+            channel.role or "-",
+            channel.schema or channel.encoding,
             str(channel.messages),
             console.figure(channel.rate, 1),
             console.figure(None if channel.jitter is None else 1e3 * channel.jitter, 1),
-            str(channel.gaps),
+            "-" if channel.gaps is None else str(channel.gaps),
             console.figure(channel.longest_gap, 2),
-            str(channel.not_monotonic),
+            _percent(channel.nan_share),
+            "-" if channel.not_monotonic is None else str(channel.not_monotonic),
         ]
         for channel in summary.channels
     ]
-    columns = ["topic", "message", "count", "Hz", "jitter ms", "gaps", "longest s", "backward"]
-    console.print_table(columns, rows, f"{summary.log}: {summary.duration:.1f} s", left=2)
-    console.say("")
+    columns = ["topic", "role", "message", "count", "Hz", "jitter ms", "gaps", "longest s"]
+    columns += ["unknown", "backward"]
+    console.print_table(columns, rows, f"{summary.log}: {summary.duration:.1f} s", left=3)
     signals = [
         [
             signal.role,
             signal.unit,
-            f"{100 * signal.nan_share:.1f} %",
+            console.figure(signal.rate, 1),
+            _percent(signal.nan_share),
             console.figure(signal.minimum),
             console.figure(signal.mean),
             console.figure(signal.maximum),
         ]
         for signal in summary.signals
     ]
-    console.print_table(["signal", "unit", "unknown", "min", "mean", "max"], signals, left=2)
+    if signals:
+        console.say("")
+        columns = ["signal", "unit", "Hz", "unknown", "min", "mean", "max"]
+        console.print_table(columns, signals, left=2)
     console.say("")
-    for warning in summary.warnings:
-        console.say(f"check: {warning}")
-    console.say(f"can run: {', '.join(summary.can_run) or 'none'}")
-    for name, reason in summary.cannot_run.items():
-        console.say(f"cannot run: {name}: {reason}")
+    for line in summary.profile:
+        console.say(f"put right by the profile: {line}")
+    for finding in summary.checks:
+        console.say(f"{'CHECK' if finding.level == 'fault' else 'note'}: {finding}")
+    if not any(finding.level == "fault" for finding in summary.checks):
+        console.say("checks: nothing looks wrong")
+    able = [estimator.name for estimator in summary.estimators if estimator.can_run]
+    console.say(f"can run: {', '.join(able) or 'none'}")
+    for estimator in summary.estimators:
+        if not estimator.can_run:
+            console.say(f"cannot run: {estimator.name}: {estimator.reason}")
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f} %"

@@ -1,0 +1,120 @@
+"""Does a log make sense? Checks that find the usual faults by the data itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from roadlog.checks import axes, motion, values
+from roadlog.checks.evidence import AXES, Evidence
+from roadlog.checks.finding import Finding
+from roadlog.drive import Drive
+from roadlog.storage import Table
+from roadlog.types import Floats
+
+__all__ = ["Finding", "check"]
+
+MAX_TILT = 20.0  # deg of the mean specific force against z that no road explains
+MIN_GAIN = 0.3  # of correlation that an explanation must win beyond its price
+
+
+def check(tables: Mapping[str, Table]) -> list[Finding]:
+    """Everything that looks wrong in a log's tables; faults first.
+
+    Each step puts right what it finds before the next one looks, so that one fault gives one
+    finding.
+    """
+    found = values.stamps(tables)
+    invalid, tables = values.invalid(tables)
+    frozen, tables = values.frozen(tables)
+    found += invalid + frozen
+    apart = any(finding.check == "clocks_differ" for finding in found)
+    if not apart and next(values.inputs(tables), None):
+        degrees, tables = values.in_degrees(tables)
+        found += moving(Evidence.of(Drive.from_tables(tables.values())), degrees)
+    return sorted(found, key=lambda finding: finding.level)
+
+
+def moving(evidence: Evidence, degrees: frozenset[str] = frozenset()) -> list[Finding]:
+    """Units, axes, signs and clocks of speeds and inertial signals.
+
+    degrees: roles of angles that the log has in degrees; the evidence has them in radians.
+    """
+    state = motion.Motion(evidence, degrees)
+    motion.gravity(state)
+    motion.speeds(state)
+    motion.latency(state)
+    motion.gyro_unit(state)
+    motion.angles(state)
+    _axes(state)
+    return state.found
+
+
+def _axes(state: motion.Motion) -> None:
+    if not any(role.startswith("imu.") for role in state.evidence.signals):
+        return
+    accel = state.triad("accel")
+    mean: Floats | None = None
+    if accel is not None and np.isfinite(accel).any(axis=1).all():
+        mean = np.nanmedian(accel, axis=1)
+    ranked = axes.explain(state.evidence, mean)
+    best = ranked[0]
+    plain = next(e for e in ranked if not e.turned and not e.reversed)
+    if best is plain or best.score - plain.score < MIN_GAIN:
+        if mean is not None:
+            _tilt(state, mean)
+        return
+    rivals = [e for e in ranked[1:] if best.score - e.score < axes.TIE]
+    if best.turned:
+        _mount(state, best, mean)
+    if best.reversed == ("imu.accel",):
+        roles = tuple(f"imu.accel_{axis}" for axis in AXES)
+        state.add(
+            "sign",
+            roles,
+            "gravity reads down where the gyro says up: all signs are reversed, as on iOS",
+            "give all three scale = -1.0",
+            -1.0,
+        )
+    elif best.reversed:
+        others = sorted({r for e in rivals if not e.turned for r in e.reversed} - {*best.reversed})
+        names = (*best.reversed, *others)
+        state.add(
+            "sign",
+            names,
+            f"has the sign reversed against the rest of the log{_or(others)}",
+            "give it scale = -1.0",
+            -1.0,
+        )
+
+
+def _or(others: list[str]) -> str:
+    return f" (or else {', '.join(others)}: nothing in the log tells which)" if others else ""
+
+
+def _mount(state: motion.Motion, best: axes.Explanation, mean: Floats | None) -> None:
+    signals = tuple(f"imu.{kind}_{axis}" for kind in ("accel", "gyro") for axis in AXES)
+    names = [name for name in signals if name in state.evidence]
+    reads = ""
+    if mean is not None:
+        k = int(np.argmax(np.abs(mean)))
+        reads = f"gravity reads {mean[k]:+.1f} m/s2 on {AXES[k]}; "
+    state.add(
+        "axes",
+        tuple(names),
+        f"{reads}the sensor's axes are not the vehicle's",
+        f"say in the profile: [imu] mount = {best.toml()}",
+    )
+
+
+def _tilt(state: motion.Motion, mean: Floats) -> None:
+    tilt = float(np.degrees(np.arccos(np.clip(mean[2] / np.linalg.norm(mean), -1, 1))))
+    if tilt > MAX_TILT:
+        state.add(
+            "axes",
+            tuple(f"imu.accel_{axis}" for axis in AXES),
+            f"gravity lies {tilt:.0f} deg off z, mostly on {AXES[int(np.argmax(np.abs(mean)))]}",
+            "give the profile a [imu] mount; which way is forward, the drive does not show",
+            tilt,
+        )

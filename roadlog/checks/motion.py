@@ -1,0 +1,432 @@
+"""Checks of what physics ties together: units, axes, signs and clocks of speeds and inertial data.
+
+What one check finds is put right before the next one looks, so that a fault is named once and by
+its cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from roadlog.checks.evidence import (
+    AXES,
+    MAX_LAG,
+    MOVING,
+    NEAR_LAG,
+    TRACK_WIDTH,
+    WHEELS,
+    Evidence,
+    Lag,
+    correlation,
+)
+from roadlog.checks.finding import Finding
+from roadlog.drive import nan_median
+from roadlog.types import Floats
+from roadlog.units import STANDARD_GRAVITY as G
+from roadlog.units import UNITS
+
+GRAVITY_TOLERANCE = 0.5  # m/s2, mean size of the specific force against g
+WEIGHTLESS = 2.0  # m/s2; a smaller mean has no gravity in it at all
+UNIT_TOLERANCE = 0.25  # of the logarithm's scale: how near a ratio must be to a unit's factor
+SPEED_TOLERANCE = 0.05  # two sources of speed, tires and calibration included
+WHEEL_TOLERANCE = 0.03  # a wheel against the others: wear is 1 %, an emergency wheel 3 % and more
+MAX_SPEED = 70.0  # m/s, of an ordinary drive
+MAX_LATERAL = 12.0  # m/s2, that tires give
+TURNING = 0.01  # rad/s, sd of the course rate in the band from which it tells of a gyro
+MAX_ANGLE = 1.0  # rad; no road and no road wheel reaches it
+STRAIGHT = 0.05  # rad/s, yaw rate below which wheels and smoothed tracks are as long as the path
+LATENCY = 0.15  # s, of speed against acceleration
+CLOCKS = 1.0  # s; no sensor is that late, its clock is another
+STEP = 0.5  # s, by which the lag of a part must differ from the rest to be a step of a clock
+CLEAR = 0.85  # correlation of speed and acceleration from which a lag counts
+LIVELY = 0.1  # m/s2, sd of the acceleration in the band from which a lag counts
+SPEED_UNITS = ("km/h", "mph", "kn")
+DEGREES = 180 / np.pi
+
+
+@dataclass
+class Motion:
+    """The evidence as it is put right step by step, and what was found on the way."""
+
+    evidence: Evidence
+    degrees: frozenset[str] = frozenset()  # angles that the log has in degrees
+    found: list[Finding] = field(default_factory=list)
+
+    def add(
+        self,
+        check: str,
+        signals: tuple[str, ...] | str,
+        text: str,
+        advice: str,
+        value: float | None = None,
+        at: float | None = None,
+    ) -> None:
+        """Note a fault."""
+        names = (signals,) if isinstance(signals, str) else signals
+        self.found.append(Finding(check, "fault", names, text, advice, at, value))
+
+    def scale(self, roles: tuple[str, ...], factor: float) -> None:
+        """Put signals right for the checks that follow."""
+        signals = dict(self.evidence.signals)
+        signals |= {role: signals[role] * factor for role in roles if role in signals}
+        self.evidence = Evidence(self.evidence.rate, signals)
+
+    def drop(self, roles: tuple[str, ...]) -> None:
+        """Leave signals that tell nothing out of the checks that follow."""
+        signals = {k: v for k, v in self.evidence.signals.items() if k not in roles}
+        self.evidence = Evidence(self.evidence.rate, signals)
+
+    def triad(self, kind: str) -> Floats | None:
+        """Three rows of accelerations or rates; None unless all axes are there."""
+        roles = [f"imu.{kind}_{axis}" for axis in AXES]
+        if not all(role in self.evidence for role in roles):
+            return None
+        return np.stack([self.evidence[role] for role in roles])
+
+
+def gravity(motion: Motion) -> None:
+    """Size of the mean specific force: m/s2, or g."""
+    accel = motion.triad("accel")
+    if accel is None or np.isnan(accel).all(axis=1).any():
+        return
+    size = float(np.linalg.norm(np.nanmedian(accel, axis=1)))
+    roles = tuple(f"imu.accel_{axis}" for axis in AXES)
+    if abs(size - 1.0) < 0.1:
+        motion.add("unit", roles, "gravity reads 1: the unit is g", 'say unit = "g"', G)
+        motion.scale(roles, G)
+    elif abs(size - G) > GRAVITY_TOLERANCE:
+        motion.add(
+            "gravity",
+            roles,
+            f"mean specific force is {size:.2f} m/s2 instead of 9.81",
+            "check unit and scale; a device that removes gravity (linear or user acceleration) is "
+            "no use here, map its raw accelerations",
+            size,
+        )
+        if size > WEIGHTLESS:
+            motion.scale(roles, G / size)
+        else:
+            motion.drop(roles)
+
+
+def speeds(motion: Motion) -> None:
+    """Units of the speeds, wheels that disagree, speeds that disagree."""
+    evidence = motion.evidence
+    _wheels(motion)
+    sources = motion.evidence.speeds()
+    reference = _track_speed(evidence)
+    for name, speed in sources.items():
+        ratios = {}
+        if reference is not None:
+            ratios[reference[0]] = _ratio(evidence.smooth(speed, TRACK_WIDTH), reference[1])
+        elif (lag := _clear_lag(evidence, speed)) is not None:
+            ratios["the accelerations"] = 1 / lag.ratio
+        others = {n: _ratio(speed, s) for n, s in sources.items() if n != name}
+        ratios |= {n: r for n, r in others.items() if r is not None and r > 1.5}
+        unit = next((u for r in ratios.values() if (u := _speed_unit(r))), None)
+        top = np.nanmax(np.abs(speed)) if np.isfinite(speed).any() else 0.0
+        against = next(iter(ratios), None)
+        if unit is None and top > MAX_SPEED:
+            unit, against = "km/h", f"a car's top speed ({top:.0f} m/s)"
+        roles = _roles_of(name, evidence)
+        if unit is not None:
+            factor = UNITS[unit][1]
+            motion.add(
+                "unit",
+                roles,
+                f"is {1 / factor:.2f} times too large against {against}",
+                f'its unit is {unit}, say unit = "{unit}" in the profile',
+                1 / factor,
+            )
+            motion.scale(roles, factor)
+    _agree(motion, reference)
+
+
+def latency(motion: Motion) -> None:
+    """Lag of every speed behind the accelerations, steps of a clock, and both put right."""
+    evidence = motion.evidence
+    for name, speed in evidence.speeds().items():
+        roles = _roles_of(name, evidence)
+        step = _step(evidence, speed)
+        if step is not None:
+            at, before, after = step
+            motion.add(
+                "clock_step",
+                (*roles, "imu.accel"),
+                f"the lag between their clocks changes from {before:+.2f} s to {after:+.2f} s",
+                "one of the two recorders' clocks was set while driving: ingest the parts before "
+                "and after it as logs of their own",
+                after - before,
+                at,
+            )
+            motion.drop(roles)
+            continue
+        lag = _clear_lag(evidence, speed)
+        if lag is None:
+            continue
+        if abs(lag.lag) > CLOCKS:
+            motion.add(
+                "clocks_differ",
+                (*roles, "imu.accel"),
+                f"lie {lag.lag:+.2f} s apart (correlation {abs(lag.r):.2f})",
+                "two devices with clocks of their own: merge them with `roadlog ingest A B`, which "
+                f'finds the offset, or give the speed delay = "{lag.lag:.2f} s"',
+                lag.lag,
+            )
+        elif abs(lag.lag) > LATENCY:
+            way = "behind" if lag.lag > 0 else "ahead of"
+            motion.add(
+                "latency",
+                roles,
+                f"is {abs(lag.lag):.2f} s {way} the accelerations (correlation {abs(lag.r):.2f})",
+                f"add {lag.lag:.2f} s to its delay in the profile",
+                lag.lag,
+            )
+        _shift(motion, roles, lag.lag)
+
+
+def gyro_unit(motion: Motion) -> None:
+    """Degrees for radians, by the turn of the track, the wheels and the lateral acceleration."""
+    gyro, accel = motion.triad("gyro"), motion.triad("accel")
+    if gyro is None:
+        return
+    evidence = motion.evidence
+    ratios = []
+    if evidence.course_rate is not None:
+        target = evidence.band(evidence.course_rate)
+        if np.isfinite(target).any() and np.nanstd(target) > TURNING:
+            parts = [evidence.band(evidence.smooth(g, TRACK_WIDTH)) for g in gyro]
+            power = sum(_power(part, target, evidence.rate) for part in parts)
+            ratios.append(np.sqrt(power) / float(np.nanstd(target)))
+    speed = next(iter(evidence.speeds().values()), None)
+    if speed is not None:
+        if accel is not None:
+            ratios += [1 / r for r in _lateral_ratios(evidence, gyro, accel, speed)]
+        lateral = np.linalg.norm(gyro, axis=0) * np.abs(speed)
+        if not ratios and np.isfinite(lateral).any():
+            ratios = [DEGREES if np.nanpercentile(lateral, 95) > MAX_LATERAL else 1.0]
+    ratios = [ratio for ratio in ratios if np.isfinite(ratio) and ratio > 0]
+    if ratios and min(ratios) > np.sqrt(DEGREES):
+        roles = tuple(f"imu.gyro_{axis}" for axis in AXES)
+        motion.add(
+            "unit",
+            roles,
+            f"turns {min(ratios):.0f} times faster than the car can",
+            'its unit is deg/s, say unit = "deg/s" in the profile',
+            DEGREES,
+        )
+        motion.scale(roles, 1 / DEGREES)
+
+
+def angles(motion: Motion) -> None:
+    """Angles in degrees; a course that counts from north."""
+    evidence = motion.evidence
+    role = "steering.road_wheel_angle"
+    if role in evidence and np.nanpercentile(np.abs(evidence[role]), 99) > MAX_ANGLE:
+        largest = float(np.nanmax(np.abs(evidence[role])))
+        motion.add(
+            "unit",
+            role,
+            f"reaches {largest:.1f} rad, which no road wheel does",
+            'degrees: say unit = "deg"; the steering wheel\'s angle: divide by the steering ratio '
+            "with scale",
+            largest,
+        )
+        motion.drop((role,))
+    for role in ("gnss.course", "gnss.heading"):
+        if role in evidence:
+            _course(motion, role)
+
+
+def _course(motion: Motion, role: str) -> None:
+    """Whether an angle counts counterclockwise from east in radians, by the positions."""
+    track = motion.evidence.track
+    degrees = role in motion.degrees
+    clockwise = False
+    if track is not None:
+        given = motion.evidence[role]
+        moving = np.isfinite(track[1]) & np.isfinite(given)
+        if moving.sum() >= 10 * motion.evidence.rate:
+            fit = np.mean(np.cos(given - track[1])[moving])
+            clockwise = np.mean(np.cos(np.pi / 2 - given - track[1])[moving]) > max(0.9, fit + 0.2)
+    if degrees or clockwise:
+        faults = {"is in degrees": degrees, "counts clockwise from north": clockwise}
+        reads = [text for text, there in faults.items() if there]
+        advice = 'say unit = "deg"' if degrees else 'say unit = "rad"'
+        if clockwise:
+            advice += f", scale = -1.0, offset = {90.0 if degrees else np.pi / 2:.7g}"
+        motion.add("course", role, " and ".join(reads), advice)
+
+
+def _wheels(motion: Motion) -> None:
+    evidence = motion.evidence
+    roles = [f"wheel_speeds.{w}" for w in WHEELS if f"wheel_speeds.{w}" in evidence]
+    if len(roles) < 3:
+        return
+    rows = np.stack([evidence[role] for role in roles])
+    middle = nan_median(rows)
+    driving = np.isfinite(rows).all(axis=0) & (middle > MOVING)
+    turn = evidence.course_rate if evidence.course_rate is not None else _turn(evidence)
+    if turn is not None:
+        driving &= np.abs(evidence.smooth(turn, TRACK_WIDTH)) < STRAIGHT
+    if driving.sum() < 10 * evidence.rate:
+        return
+    for role, row in zip(roles, rows, strict=True):
+        ratio = float(np.median(row[driving] / middle[driving]))
+        if abs(ratio - 1) > WHEEL_TOLERANCE:
+            motion.add(
+                "wheel_speeds",
+                role,
+                f"is {ratio:.3f} times the median of the wheels",
+                f"another tire or a wrong scale: scale = {1 / ratio:.4f}, or leave it out",
+                ratio,
+            )
+            motion.scale((role,), 1 / ratio if ratio else np.nan)
+
+
+def _turn(evidence: Evidence) -> Floats | None:
+    """Size of the yaw rate or more: of all that the gyro shows."""
+    rates = [evidence[f"imu.gyro_{a}"] for a in AXES if f"imu.gyro_{a}" in evidence]
+    return np.sqrt(np.sum(np.square(rates), axis=0)) if rates else None
+
+
+def _agree(motion: Motion, reference: tuple[str, Floats] | None) -> None:
+    sources = motion.evidence.speeds()
+    if reference is None and sources:
+        name = "gnss.speed" if "gnss.speed" in sources else next(iter(sources))
+        reference = (name, sources[name])
+    for name, speed in sources.items():
+        if reference is None or name == reference[0]:
+            continue
+        if reference[0] not in sources:
+            speed = motion.evidence.smooth(speed, TRACK_WIDTH)
+        ratio = _ratio(speed, reference[1])
+        if ratio is not None and abs(ratio - 1) > SPEED_TOLERANCE:
+            roles = _roles_of(name, motion.evidence)
+            motion.add(
+                "speeds_disagree",
+                roles,
+                f"is {ratio:.3f} times the speed by {reference[0]}",
+                f"a wrong tire radius or pulse count: scale = {1 / ratio:.4f}",
+                ratio,
+            )
+            motion.scale(roles, 1 / ratio)
+
+
+def _track_speed(evidence: Evidence) -> tuple[str, Floats] | None:
+    """Speed by the positions where the track is straight: smoothing cuts corners."""
+    if evidence.track is None or evidence.course_rate is None:
+        return None
+    straight = np.abs(evidence.smooth(evidence.course_rate, TRACK_WIDTH)) < STRAIGHT
+    speed = np.where(straight, evidence.track[0], np.nan)
+    return ("the positions", speed) if _moves(speed) else None
+
+
+def _step(evidence: Evidence, speed: Floats) -> tuple[float, float, float] | None:
+    """Time and lags before and after a step of a clock: two blocks on each side must agree."""
+    late = evidence.band(evidence.slope(speed))
+    clear: list[tuple[float, float]] = []
+    for axis in AXES:
+        if f"imu.accel_{axis}" in evidence:
+            other = evidence.band(evidence[f"imu.accel_{axis}"])
+            if np.nanstd(other) > LIVELY:
+                blocks = evidence.block_lags(other, late, 30.0)
+                own = [(middle, lag) for middle, lag, r in blocks if abs(r) > CLEAR]
+                clear = max(clear, own, key=len)
+    for k in range(1, len(clear)):
+        before = [own for _, own in clear[:k]][-2:]
+        after = [own for _, own in clear[k:]][:2]
+        if len(before) < 2 or len(after) < 2:
+            continue
+        if np.ptp(before) < STEP / 2 and np.ptp(after) < STEP / 2:
+            change = float(np.mean(after) - np.mean(before))
+            if abs(change) > STEP:
+                at = (clear[k - 1][0] + clear[k][0]) / 2
+                return at, float(np.mean(before)), float(np.mean(after))
+    return None
+
+
+def _clear_lag(evidence: Evidence, speed: Floats) -> Lag | None:
+    """Lag of a speed behind the acceleration that follows it, when it is beyond doubt."""
+    pair = _longitudinal(evidence, speed)
+    return pair[2] if pair else None
+
+
+def _longitudinal(evidence: Evidence, speed: Floats) -> tuple[Floats, Floats, Lag] | None:
+    """The acceleration that follows a speed, the speed's slope, both in the band, and the lag."""
+    late = evidence.band(evidence.slope(speed))
+    for reach in (NEAR_LAG, MAX_LAG):
+        found = []
+        for axis in AXES:
+            if f"imu.accel_{axis}" not in evidence:
+                continue
+            other = evidence.band(evidence[f"imu.accel_{axis}"])
+            lag = evidence.lag(other, late, reach)
+            if lag is not None and abs(lag.r) > CLEAR and np.nanstd(other) > LIVELY:
+                # the axis that carries it, not one that follows it by a little pitch
+                found.append((float(np.nanstd(other)), other, lag))
+        if found:
+            _, other, lag = max(found, key=lambda item: item[0])
+            return other, late, lag
+    return None
+
+
+def _lateral_ratios(
+    evidence: Evidence, gyro: Floats, accel: Floats, speed: Floats
+) -> Iterator[float]:
+    for g in gyro:
+        turn = evidence.band(speed * g)
+        for a in accel:
+            r, ratio = correlation(turn, evidence.band(a), evidence.rate)
+            if abs(r) > CLEAR:
+                yield ratio
+
+
+def _power(x: Floats, target: Floats, rate: float) -> float:
+    """Variance of x that goes with the target."""
+    r, _ = correlation(target, x, rate)
+    return float(r * r * np.nanvar(x)) if np.isfinite(x).any() else 0.0
+
+
+def _roles_of(name: str, evidence: Evidence) -> tuple[str, ...]:
+    if name != "wheel_speeds":
+        return (name,)
+    return tuple(f"wheel_speeds.{w}" for w in WHEELS if f"wheel_speeds.{w}" in evidence)
+
+
+def _ratio(speed: Floats, other: Floats) -> float | None:
+    both = np.isfinite(speed) & np.isfinite(other) & (np.abs(other) > MOVING)
+    if both.sum() < 50:
+        return None
+    return float(np.median(np.abs(speed[both]) / np.abs(other[both])))
+
+
+def _speed_unit(ratio: float | None) -> str | None:
+    """The unit whose number is this many times the one in m/s."""
+    if ratio is None or not np.isfinite(ratio) or ratio <= 1.5:
+        return None
+    unit = min(SPEED_UNITS, key=lambda u: abs(np.log(ratio * UNITS[u][1])))
+    return unit if abs(np.log(ratio * UNITS[unit][1])) < UNIT_TOLERANCE / 4 else None
+
+
+def _moves(speed: Floats) -> bool:
+    return bool((speed > MOVING).sum() >= 50)
+
+
+def _shift(motion: Motion, roles: tuple[str, ...], lag: float) -> None:
+    """Move signals to where they belong in time."""
+    steps = round(lag * motion.evidence.rate)
+    if not steps:
+        return
+    signals = dict(motion.evidence.signals)
+    for role in roles:
+        moved = np.roll(signals[role], -steps)
+        if steps > 0:
+            moved[-steps:] = np.nan
+        else:
+            moved[:-steps] = np.nan
+        signals[role] = moved
+    motion.evidence = Evidence(motion.evidence.rate, signals)

@@ -1,0 +1,284 @@
+"""Checks of single channels: stamps, values that cannot be, a fix that comes late, frozen signals.
+
+Each returns its findings and the tables without the samples that are no data, so that the checks
+after it see what is left.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from roadlog.checks.finding import Finding, Level
+from roadlog.signals import INPUTS, Section
+from roadlog.storage import Table
+from roadlog.types import Bools, Floats, Stamps
+
+# What no road car's sensor shows; outside these a value is a code for "invalid".
+LIMITS: dict[str, tuple[float, float]] = {
+    "accel": (-50.0, 50.0),  # m/s2
+    "gyro": (-2000.0, 2000.0),  # rad/s or deg/s
+    "gnss.altitude": (-450.0, 9000.0),  # m, Dead Sea to the highest roads with a margin
+    "gnss.latitude": (-89.9, 89.9),  # deg
+    "gnss.longitude": (-180.0, 180.0),  # deg
+    "gnss.speed": (-0.5, 700.0),  # m/s or km/h; phones write -1
+    "speed.v": (-60.0, 700.0),
+    "wheel_speeds": (-60.0, 700.0),
+}
+ISOLATED = 3.0  # an extreme this many ranges of the rest away, met again and again, is a code
+LATE_FIX = 10.0  # s after the start
+FROZEN = 5.0  # s that a noisy signal stays exactly the same
+LIVELY = 0.3  # share of steps that turn back: what noise does and a smooth signal does not
+MAX_RADIANS = 100.0  # of a course; more would be sixteen turns one way
+ROLLING = 1.0  # m/s
+MAX_APART = 60.0  # s between two channels that should overlap
+EPOCH_APART = 86400.0  # s; channels further apart count from different epochs
+
+Found = tuple[list[Finding], dict[str, Table]]
+
+
+def inputs(tables: Mapping[str, Table]) -> Iterator[tuple[Section, Table]]:
+    """Sections of vehicle signals that have messages."""
+    for section in INPUTS:
+        table = tables.get(section.topic)
+        if table is not None and len(table):
+            yield section, table
+
+
+def stamps(tables: Mapping[str, Table]) -> list[Finding]:
+    """Stamps that repeat or run backward, and channels that do not overlap in time."""
+    found = []
+    for topic, table in tables.items():
+        backward = int((np.diff(table.time) < 0).sum())
+        twice = int((np.diff(table.time) == 0).sum())
+        if backward or twice:
+            first = int(np.flatnonzero(np.diff(table.time) <= 0)[0])
+            found.append(
+                Finding(
+                    "clock_backward",
+                    "fault",
+                    (topic,),
+                    f"{backward} stamps run backward, {twice} repeat the one before",
+                    "the logger's clock jumped or two recorders write one channel: use another "
+                    'stamp ([time] clock = "header" or "publish"), or cut the log there',
+                    _seconds(tables, int(table.time[first])),
+                    float(backward + twice),
+                )
+            )
+    spans = {s.topic: (int(t.time.min()), int(t.time.max())) for s, t in inputs(tables)}
+    if spans:
+        reference = "/imu" if "/imu" in spans else max(spans, key=lambda k: len(tables[k]))
+        start, end = spans[reference]
+        for topic, (first, last) in spans.items():
+            apart = max(first - end, start - last) * 1e-9
+            if apart > MAX_APART:
+                epoch = " (another epoch)" if apart > EPOCH_APART else ""
+                found.append(
+                    Finding(
+                        "clocks_differ",
+                        "fault",
+                        (topic, reference),
+                        f"the channels do not overlap, they lie {apart:.0f} s apart{epoch}",
+                        "their clocks differ: ingest with --time-offset, or give the right unit "
+                        "in [time]",
+                        value=apart,
+                    )
+                )
+    return found
+
+
+def invalid(tables: Mapping[str, Table]) -> Found:
+    """Codes for "invalid" among the values, and a first fix that comes late."""
+    found: list[Finding] = []
+    clean = dict(tables)
+    for section, table in inputs(tables):
+        columns = dict(table.columns)
+        codes: dict[tuple[float, int, int], list[str]] = {}
+        for signal in section.signals:
+            values = _known_column(table, signal.field)
+            if values is None or signal.role.endswith("_accuracy"):
+                continue
+            code = np.flatnonzero(_codes(signal.role, values))
+            if not len(code):
+                continue
+            columns[signal.field] = values.copy()
+            columns[signal.field][code] = np.nan
+            good = np.flatnonzero(np.isfinite(columns[signal.field]))
+            if section.name == "gnss" and (not len(good) or code[-1] < good[0]):
+                continue  # `_late_fix` says so
+            what = (float(values[code[0]]), len(code), int(table.time[code[0]]))
+            codes.setdefault(what, []).append(signal.role)
+        clean[section.topic] = dataclasses.replace(table, columns=columns)
+        for (value, count, stamp), roles in codes.items():
+            found.append(
+                Finding(
+                    "invalid_values",
+                    "fault",
+                    tuple(roles),
+                    f"{count} samples, the first {value:g}, are no data but a code for invalid",
+                    "give a condition in the profile, on the source's validity flag or on the "
+                    'signal itself: valid = "NAME == 1"',
+                    _seconds(tables, stamp),
+                    float(count),
+                )
+            )
+    return [*found, *_late_fix(tables, clean)], clean
+
+
+def frozen(tables: Mapping[str, Table]) -> Found:
+    """Inertial signals that stay exactly the same for seconds, between times when they do not."""
+    found: list[Finding] = []
+    clean = dict(tables)
+    for section, table in inputs(tables):
+        if section.name != "imu":
+            continue
+        moving = _moving(tables, table.time)
+        columns = dict(table.columns)
+        for signal in section.signals:
+            values = _known_column(table, signal.field)
+            if values is None:
+                continue
+            known = np.flatnonzero(np.isfinite(values))
+            stuck = _stuck(values[known], table.time[known] * 1e-9) & moving[known]
+            if not stuck.any():
+                if len(known) > 1 and np.ptp(values[known]) == 0:
+                    found.append(
+                        Finding(
+                            "constant",
+                            "note",
+                            (signal.role,),
+                            f"is {values[known[0]]:g} throughout",
+                            "the sensor does not measure it, or the profile maps a dead channel",
+                        )
+                    )
+                continue
+            rows = known[stuck]
+            columns[signal.field] = values.copy()
+            columns[signal.field][rows] = np.nan
+            length = float(stuck.mean() * np.ptp(table.time) * 1e-9)
+            found.append(
+                Finding(
+                    "frozen",
+                    "fault",
+                    (signal.role,),
+                    f"stays at exactly {values[rows[0]]:g} {signal.unit} for {length:.1f} s",
+                    "the sensor or its gateway hung: leave that part out, or mark it invalid in "
+                    "the profile",
+                    _seconds(tables, int(table.time[rows[0]])),
+                    length,
+                )
+            )
+        clean[section.topic] = dataclasses.replace(table, columns=columns)
+    return found, clean
+
+
+def in_degrees(tables: Mapping[str, Table]) -> tuple[frozenset[str], dict[str, Table]]:
+    """Angles all around that are in degrees, and the tables with them in radians."""
+    found: set[str] = set()
+    clean = dict(tables)
+    for section, table in inputs(tables):
+        columns = dict(table.columns)
+        for signal in section.signals:
+            values = _known_column(table, signal.field) if signal.kind == "angle" else None
+            if values is not None and np.nanmax(np.abs(values)) > MAX_RADIANS:
+                found.add(signal.role)
+                columns[signal.field] = np.radians(values)
+        clean[section.topic] = dataclasses.replace(table, columns=columns)
+    return frozenset(found), clean
+
+
+def _late_fix(tables: Mapping[str, Table], clean: Mapping[str, Table]) -> list[Finding]:
+    gnss = clean.get("/gnss")
+    if gnss is None or not len(gnss):
+        return []
+    start = min(int(table.time.min()) for _, table in inputs(tables))
+    for field in ("latitude", "altitude"):
+        values = _known_column(gnss, field)
+        if values is None:
+            continue
+        fixed = np.flatnonzero(np.isfinite(values))
+        if not len(fixed):
+            continue
+        first = (int(gnss.time[fixed[0]]) - start) * 1e-9
+        if first <= LATE_FIX:
+            return []
+        raw = _known_column(tables["/gnss"], field)
+        codes = np.empty(0) if raw is None else raw[: fixed[0]][np.isfinite(raw[: fixed[0]])]
+        if len(codes):
+            advice = (
+                f"till then the source writes {codes[0]:g}: give the signals a condition in the "
+                'profile, valid = "NAME == 1" on its validity flag'
+            )
+        else:
+            advice = "till then estimators have no GNSS"
+        level: Level = "fault" if len(codes) else "note"
+        text = f"no fix in the first {first:.0f} s"
+        return [Finding("no_fix", level, (f"gnss.{field}",), text, advice, 0.0, first)]
+    return []
+
+
+def _known_column(table: Table, field: str) -> Floats | None:
+    """Values as floats, NaN where not finite; None where nothing is known."""
+    if field not in table.columns:
+        return None
+    values = np.array(table.columns[field], np.float64)
+    values[~np.isfinite(values)] = np.nan
+    return None if np.isnan(values).all() else values
+
+
+def _codes(role: str, values: Floats) -> Bools:
+    """Which samples lie outside the limits, or repeat an extreme far from all the rest."""
+    low, high = next(
+        (limits for key, limits in LIMITS.items() if role == key or _kind(role) == key),
+        (-np.inf, np.inf),
+    )
+    code: Bools = (values < low) | (values > high)
+    if role == "gnss.latitude" or role == "gnss.longitude":
+        code |= values == 0.0
+    rest = np.unique(values[np.isfinite(values) & ~code])
+    for ends in (rest, rest[::-1]):
+        if len(ends) < 20:
+            break
+        spread = abs(float(ends[-1] - ends[1]))
+        if abs(float(ends[1] - ends[0])) > ISOLATED * spread and (values == ends[0]).sum() > 1:
+            code |= values == ends[0]
+    return code
+
+
+def _kind(role: str) -> str:
+    """`accel` and `gyro` for the inertial roles, else the section."""
+    section, field = role.split(".")
+    return field.split("_")[0] if section == "imu" else section
+
+
+def _stuck(values: Floats, seconds: Floats) -> Bools:
+    """Samples in runs of one exact value of FROZEN s or more, where the rest is noisy."""
+    result = np.zeros(len(values), np.bool_)
+    if len(values) < 3:
+        return result
+    edges = np.flatnonzero(np.diff(values) != 0) + 1
+    starts, ends = np.r_[0, edges], np.r_[edges, len(values)]
+    for start, end in zip(starts, ends, strict=True):
+        result[start:end] = seconds[end - 1] - seconds[start] >= FROZEN
+    steps = np.diff(values[~result])
+    steps = steps[steps != 0]
+    if len(steps) < 10 or np.mean(steps[1:] * steps[:-1] < 0) < LIVELY:
+        return np.zeros(len(values), np.bool_)
+    return result
+
+
+def _moving(tables: Mapping[str, Table], at: Stamps) -> Bools:
+    """Where the car moves; a coarse sensor may well stand still with it. True without a speed."""
+    for topic, field in (("/wheel_speeds", "fl"), ("/speed", "v"), ("/gnss", "speed")):
+        speed = _known_column(tables[topic], field) if topic in tables else None
+        if speed is not None:
+            known = np.isfinite(speed)
+            return np.interp(at, tables[topic].time[known], np.abs(speed[known])) > ROLLING
+    return np.ones(len(at), np.bool_)
+
+
+def _seconds(tables: Mapping[str, Table], stamp: int) -> float:
+    start = min(int(table.time.min()) for table in tables.values() if len(table))
+    return (stamp - start) * 1e-9
