@@ -32,7 +32,8 @@ def check(tables: Mapping[str, Table]) -> list[Finding]:
     apart = any(finding.check == "clocks_differ" for finding in found)
     if not apart and next(values.inputs(tables), None):
         degrees, tables = values.in_degrees(tables)
-        found += moving(Evidence.of(Drive.from_tables(tables.values())), degrees)
+        drive = Drive.from_tables(table for _, table in values.inputs(tables))
+        found += moving(Evidence.of(drive), degrees)
     return sorted(found, key=lambda finding: finding.level)
 
 

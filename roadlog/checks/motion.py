@@ -38,6 +38,7 @@ MAX_LATERAL = 12.0  # m/s2, that tires give
 TURNING = 0.01  # rad/s, sd of the course rate in the band from which it tells of a gyro
 MAX_ANGLE = 1.0  # rad; no road and no road wheel reaches it
 STRAIGHT = 0.05  # rad/s, yaw rate below which wheels and smoothed tracks are as long as the path
+GOOD_FIT, BETTER_FIT = 0.9, 0.2  # mean cosine between two courses, and what tells two forms apart
 LATENCY = 0.15  # s, of speed against acceleration
 CLOCKS = 1.0  # s; no sensor is that late, its clock is another
 STEP = 0.5  # s, by which the lag of a part must differ from the rest to be a step of a clock
@@ -250,8 +251,9 @@ def _course(motion: Motion, role: str) -> None:
         given = motion.evidence[role]
         moving = np.isfinite(track[1]) & np.isfinite(given)
         if moving.sum() >= 10 * motion.evidence.rate:
-            fit = np.mean(np.cos(given - track[1])[moving])
-            clockwise = np.mean(np.cos(np.pi / 2 - given - track[1])[moving]) > max(0.9, fit + 0.2)
+            fit = float(np.mean(np.cos(given - track[1])[moving]))
+            other = float(np.mean(np.cos(np.pi / 2 - given - track[1])[moving]))
+            clockwise = other > max(GOOD_FIT, fit + BETTER_FIT)
     if degrees or clockwise:
         faults = {"is in degrees": degrees, "counts clockwise from north": clockwise}
         reads = [text for text, there in faults.items() if there]

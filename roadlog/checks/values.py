@@ -12,9 +12,11 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from roadlog.checks.finding import Finding, Level
-from roadlog.signals import INPUTS, Section
+from roadlog.signals import SECTIONS, Section
 from roadlog.storage import Table
 from roadlog.types import Bools, Floats, Stamps
+
+CHECKED = ("imu", "wheel_speeds", "speed", "steering", "gnss", "barometer")
 
 # What no road car's sensor shows; outside these a value is a code for "invalid".
 LIMITS: dict[str, tuple[float, float]] = {
@@ -40,8 +42,9 @@ Found = tuple[list[Finding], dict[str, Table]]
 
 
 def inputs(tables: Mapping[str, Table]) -> Iterator[tuple[Section, Table]]:
-    """Sections of vehicle signals that have messages."""
-    for section in INPUTS:
+    """Sections that are checked and have messages."""
+    for name in CHECKED:
+        section = SECTIONS[name]
         table = tables.get(section.topic)
         if table is not None and len(table):
             yield section, table
@@ -141,7 +144,8 @@ def frozen(tables: Mapping[str, Table]) -> Found:
             if values is None:
                 continue
             known = np.flatnonzero(np.isfinite(values))
-            stuck = _stuck(values[known], table.time[known] * 1e-9) & moving[known]
+            seconds: Floats = np.multiply(table.time[known], 1e-9)
+            stuck = _stuck(values[known], seconds) & moving[known]
             if not stuck.any():
                 if len(known) > 1 and np.ptp(values[known]) == 0:
                     found.append(

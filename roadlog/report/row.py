@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from roadlog import estimators
+from roadlog import checks, estimators
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError, RoadlogError
 from roadlog.estimate import Estimate
@@ -28,7 +28,6 @@ from roadlog.report.profile import Pass, pass_of
 from roadlog.report.sources import Source, local_copy, put_back
 from roadlog.signals import ANGLES, FLAGS, INPUTS, TRUTH_TOPIC
 from roadlog.storage import Table
-from roadlog.summary import implausible
 from roadlog.vehicle import Vehicle
 from roadlog.version import __version__
 
@@ -187,7 +186,7 @@ def _work_on(path: Path, source: Source, options: Options, work: _Work) -> None:
     row["vehicle"] = opened.vehicle.name
     drive = Drive.from_tables(opened.tables.values())
     row |= _facts(drive, opened.metadata)
-    row["warnings"] = implausible(drive)
+    row["warnings"] = [str(f) for f in checks.check(opened.tables) if f.level == "fault"]
     table = opened.tables.get(TRUTH_TOPIC)
     truth = AngleTrack.from_table(table) if table is not None and len(table) else None
     seconds["read"] = time.perf_counter() - clock

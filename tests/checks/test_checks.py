@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Callable
 
 import numpy as np
@@ -24,6 +23,7 @@ WHEELS = ["fl", "fr", "rl", "rr"]
 def drive() -> Tables:
     """Five minutes over a pass with every sensor, and /speed beside the wheels."""
     tables = {t.topic: t for t in simulate("mountain", seed=3).tables}
+    tables = {topic: t for topic, t in tables.items() if not topic.startswith("/truth/")}
     wheels = tables["/wheel_speeds"]
     mean = np.mean([wheels.columns[w] for w in WHEELS], axis=0)
     tables["/speed"] = Table("/speed", "roadlog.v1.Speed", wheels.time, {"v": mean})
@@ -128,11 +128,11 @@ FAULTS = {
         scaled("/steering", ["road_wheel_angle"], -1.0),
         "sign", ["steering.road_wheel_angle"], "scale = -1.0",
     ),
-    "course": (clockwise_degrees, "course", ["gnss.course"], "scale = -1.0, offset = 90.0"),
+    "course": (clockwise_degrees, "course", ["gnss.course"], "scale = -1.0, offset = 90"),
     "wheel": (scaled("/wheel_speeds", ["rl"], 1.05), "wheel_speeds", ["wheel_speeds.rl"], "0.95"),
     "tires": (scaled("/speed", ["v"], 1.08), "speeds_disagree", ["speed.v"], "scale = 0.92"),
     "late speed": (moved("/speed", 0.5), "latency", ["speed.v"], "add 0."),
-    "other clock": (moved("/speed", 1.5), "clocks_differ", ["speed.v"], "--time-offset|ingest A B"),
+    "other clock": (moved("/speed", 1.5), "clocks_differ", ["speed.v"], "ingest A B"),
     "other epoch": (moved("/speed", 1e6), "clocks_differ", ["/speed"], "unit"),
     "clock forward": (moved("/speed", 2.0, 140.0), "clock_step", ["speed.v"], "parts before"),
     "clock back": (moved("/speed", -2.013, 140.0), "clock_step", ["speed.v"], "parts before"),
@@ -159,14 +159,12 @@ def test_a_fault_is_found_and_it_only(drive, fault):
     assert {(f.check, f.level) for f in found} == {(check, "fault")}, list(map(str, found))
     assert len(found) == 1, list(map(str, found))
     assert set(signals) <= set(found[0].signals)
-    assert re.search(advice, found[0].advice), found[0].advice
+    assert advice in found[0].advice, found[0].advice
 
 
 def test_faults_at_once_are_told_apart(drive):
     # a phone in an upright holder, its raw accelerations in g of the opposite sign, a late speed
-    change = both(
-        moved("/speed", 0.4), turned("-y", "-z", -1.0), scaled("/imu", ACCEL, 1 / G)
-    )
+    change = both(moved("/speed", 0.4), turned("-y", "-z", -1.0), scaled("/imu", ACCEL, 1 / G))
     found = checks.check(change(drive))
     assert sorted(f.check for f in found) == ["axes", "latency", "sign", "unit"]
     assert any('forward = "-y", left = "-z"' in f.advice for f in found)
