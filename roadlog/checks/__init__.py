@@ -13,7 +13,7 @@ from roadlog.drive import Drive
 from roadlog.storage import Table
 from roadlog.types import Floats
 
-__all__ = ["Finding", "check"]
+__all__ = ["Finding", "check", "check_drive"]
 
 MAX_TILT = 20.0  # deg of the mean specific force against z that no road explains
 MIN_GAIN = 0.3  # of correlation that an explanation must win beyond its price
@@ -33,16 +33,16 @@ def check(tables: Mapping[str, Table]) -> list[Finding]:
     if not apart and next(values.inputs(tables), None):
         degrees, tables = values.in_degrees(tables)
         drive = Drive.from_tables(table for _, table in values.inputs(tables))
-        found += moving(Evidence.of(drive), degrees)
+        found += check_drive(drive, degrees)
     return sorted(found, key=lambda finding: finding.level)
 
 
-def moving(evidence: Evidence, degrees: frozenset[str] = frozenset()) -> list[Finding]:
-    """Units, axes, signs and clocks of speeds and inertial signals.
+def check_drive(drive: Drive, degrees: frozenset[str] = frozenset()) -> list[Finding]:
+    """Units, axes, signs and clocks of speeds and inertial signals: what a grid can show.
 
-    degrees: roles of angles that the log has in degrees; the evidence has them in radians.
+    degrees: roles of angles that the log has in degrees and the drive in radians.
     """
-    state = motion.Motion(evidence, degrees)
+    state = motion.Motion(Evidence.of(drive), degrees)
     motion.gravity(state)
     motion.speeds(state)
     motion.latency(state)

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from roadlog.checks import check_drive
 from roadlog.metrics import DEFAULT_SKIP, AngleErrors, AngleMetrics, angle_metrics
 from roadlog.signals import ANGLES
-from roadlog.summary import implausible
 from roadlog.vehicle import Vehicle
 from roadlog.view.colors import estimator
 from roadlog.view.runs import Run
@@ -47,7 +47,7 @@ def _drive(run: Run) -> str:
 
 
 def _warnings(run: Run) -> str:
-    found = [*implausible(run.drive), *run.log.losses]
+    found = [*map(str, check_drive(run.drive)), *run.log.losses]
     return "\n".join(["**Check:**", "", *(f"- {_plain(text)}" for text in found)]) if found else ""
 
 
