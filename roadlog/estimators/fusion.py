@@ -327,6 +327,14 @@ def _angles(
     variance = {name: result.variance[:, column] for name, column in OUTPUTS.items()}
     for name in ("pitch", "inclination"):
         variance[name] = variance[name] + static
+    # `sway` is of the sensor as it is: its constant error bends the body a little for good
+    known = np.diag(result.P_end)
+    for name, gain, bias, angle in (
+        ("pitch", KTHETA, BA, MTHETA),
+        ("roll", KPHI, BA + 1, MPHI),
+    ):
+        error = known[bias] + G**2 * known[angle]
+        variance[name] = variance[name] + result.x_end[gain] ** 2 * error
     return angles, variance
 
 

@@ -16,6 +16,7 @@ PAPERS: dict[str, str] = {
     "kim2023": "roadlog.reproduce.kim2023:run",
     "luo2024": "roadlog.reproduce.luo2024:luo2024",
     "wang2025": "roadlog.reproduce.wang2025:reproduce",
+    "fusion": "roadlog.reproduce.fusion:fusion",
 }
 
 

@@ -1,0 +1,208 @@
+"""`fusion` beside every other estimator on every simulated drive with sensors (fusion chapter)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from roadlog import estimators
+from roadlog.drive import Drive
+from roadlog.errors import EstimatorError
+from roadlog.log import AngleTrack
+from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
+from roadlog.reproduce import Claim, Reproduction, ResultTable, Row
+from roadlog.signals import TRUTH_TOPIC
+from roadlog.simulate import SCENARIOS, Simulation, simulate
+from roadlog.storage import Table
+
+SEEDS = (1, 2, 3, 4, 5)
+ANGLES = ("grade", "bank", "pitch", "roll")
+ANTENNAS = ("heading", "roll", "heading_accuracy", "roll_accuracy")
+GNSS_TOPICS = ("/gnss", "/gnss/fix")
+SMOOTH_SHAPE, ROUGH_SHAPE = 0.06, 0.15  # deg, std of the error of grade
+WITH_GNSS, BODY, TWO_ANTENNAS = 0.08, 0.08, 0.05  # deg, RMSE
+COVERED = (0.93, 0.98)  # share of errors within 2 sd
+MIN_VALID = 0.5  # share of a drive that an estimator must answer for to be compared
+
+Runs = dict[str, dict[str, list[AngleMetrics]]]  # estimator -> angle -> one entry a seed
+
+
+@dataclass(frozen=True)
+class Case:
+    """All seeds of one scenario: with IMU and wheels, with GNSS, and with two antennas."""
+
+    name: str
+    rough: bool
+    alone: Runs
+    gnss: Runs
+    antennas: Runs
+
+
+def scenarios() -> list[str]:
+    """Those that the full car drives; the others have a truth without roll or sensors."""
+    return [
+        name
+        for name, scenario in SCENARIOS.items()
+        if scenario.straight is None or name.startswith("wang2025")
+    ]
+
+
+def fusion(seeds: tuple[int, ...] = SEEDS, names: list[str] | None = None) -> Reproduction:
+    """The tables and the goals of the estimator; about five minutes."""
+    cases = [_case(name, seeds) for name in names or scenarios()]
+    tables = [
+        ResultTable(f"{angle}, IMU + wheels", list(_beside(cases, angle))) for angle in ANGLES
+    ]
+    tables += [
+        ResultTable("fusion with GNSS", list(_alone(cases, "gnss"))),
+        ResultTable("fusion with two antennas", list(_alone(cases, "antennas"))),
+        ResultTable("honesty with two antennas", list(_honesty(cases))),
+    ]
+    return Reproduction("fusion", tables, _claims(cases))
+
+
+def _case(name: str, seeds: tuple[int, ...]) -> Case:
+    alone: Runs = {}
+    gnss: Runs = {}
+    antennas: Runs = {}
+    for seed in seeds:
+        drive = simulate(name, seed=seed, full=True)
+        wheels = [t for t in drive.tables if t.topic in ("/imu", "/wheel_speeds")]
+        receiver = [t for t in drive.tables if t.topic in GNSS_TOPICS]
+        _run(drive, wheels, alone)
+        _run(drive, wheels + [_one_antenna(table) for table in receiver], gnss, ["fusion"])
+        _run(drive, wheels + receiver, antennas, ["fusion"])
+    return Case(name, SCENARIOS[name].road.roughness > 0, alone, gnss, antennas)
+
+
+def _one_antenna(table: Table) -> Table:
+    known = {
+        name: np.full(len(table), np.nan) if name in ANTENNAS else values
+        for name, values in table.columns.items()
+    }
+    return replace(table, columns=known)
+
+
+def _run(
+    simulation: Simulation, tables: list[Table], runs: Runs, names: list[str] | None = None
+) -> None:
+    """Add the metrics of every estimator that can run."""
+    drive = Drive.from_tables(tables)
+    truth = AngleTrack.from_table(simulation.table(TRUTH_TOPIC))
+    for estimator in estimators.all_estimators():
+        if estimator.missing(drive) or (names is not None and estimator.name not in names):
+            continue
+        try:
+            estimate = estimators.run(estimator.name, drive, simulation.vehicle)
+        except EstimatorError:
+            continue  # the drive has not what the method needs, e.g. no stop
+        track = AngleTrack.from_table(estimate.tables(drive)[0])
+        for angle in ANGLES:
+            errors = angle_errors(track, truth, angle)
+            if errors is None:
+                continue
+            metrics = angle_metrics(errors, angle)
+            if metrics.n > MIN_VALID * len(errors.time):
+                runs.setdefault(estimator.name, {}).setdefault(angle, []).append(metrics)
+
+
+def _mean(runs: Runs, estimator: str, angle: str, metric: str) -> float:
+    values = [getattr(metrics, metric) for metrics in runs[estimator][angle]]
+    return float(np.mean(values))
+
+
+def _best_other(case: Case, angle: str) -> tuple[str, float] | None:
+    others = [
+        (_mean(case.alone, name, angle, "rmse_deg"), name)
+        for name, angles in case.alone.items()
+        if name != "fusion" and len(angles.get(angle, ())) == len(case.alone["fusion"][angle])
+    ]
+    return (min(others)[1], min(others)[0]) if others else None
+
+
+def _beside(cases: list[Case], angle: str) -> Iterator[Row]:
+    for case in cases:
+        for metric in ("rmse", "std"):
+            now = _mean(case.alone, "fusion", angle, f"{metric}_deg")
+            yield Row(f"{case.name}, fusion", metric, "deg", None, None, now)
+        other = _best_other(case, angle)
+        if other is not None:
+            yield Row(f"{case.name}, {other[0]} (next best)", "rmse", "deg", None, None, other[1])
+
+
+def _alone(cases: list[Case], inputs: str) -> Iterator[Row]:
+    for case in cases:
+        for angle in ANGLES:
+            now = _mean(getattr(case, inputs), "fusion", angle, "rmse_deg")
+            yield Row(f"{case.name}, {angle}", "rmse", "deg", None, None, now)
+
+
+def _honesty(cases: list[Case]) -> Iterator[Row]:
+    for case in cases:
+        for angle in ANGLES:
+            for metric in ("within_2sd", "nees"):
+                now = _mean(case.antennas, "fusion", angle, metric)
+                yield Row(f"{case.name}, {angle}", metric, "-", None, None, now)
+
+
+def _claims(cases: list[Case]) -> list[Claim]:
+    best = [
+        (f"{case.name} {angle}", _mean(case.alone, "fusion", angle, "rmse_deg"), other[1])
+        for case in cases
+        for angle in ANGLES
+        if (other := _best_other(case, angle)) is not None
+    ]
+    goals = [_claim("fusion is the best for every angle of every drive, IMU + wheels", best)]
+    shape = [
+        (
+            case.name,
+            _mean(case.alone, "fusion", "grade", "std_deg"),
+            ROUGH_SHAPE if case.rough else SMOOTH_SHAPE,
+        )
+        for case in cases
+    ]
+    goals.append(_claim("shape of grade below 0.06 deg on smooth roads, 0.15 on class A", shape))
+    for inputs, angles, limit in (
+        ("gnss", ("grade",), WITH_GNSS),
+        ("gnss", ("pitch", "roll"), BODY),
+        ("antennas", ("bank",), TWO_ANTENNAS),
+    ):
+        rows = [
+            (
+                f"{case.name} {angle}",
+                _mean(getattr(case, inputs), "fusion", angle, "rmse_deg"),
+                limit,
+            )
+            for case in cases
+            for angle in angles
+        ]
+        words = {"gnss": "with GNSS", "antennas": "with two antennas"}[inputs]
+        goals.append(_claim(f"{' and '.join(angles)} below {limit:g} deg {words}", rows))
+    covered = [
+        _mean(case.antennas, "fusion", angle, "within_2sd") for case in cases for angle in ANGLES
+    ]
+    within = sum(COVERED[0] <= share <= COVERED[1] for share in covered)
+    careless = sum(share < COVERED[0] for share in covered)
+    goals.append(
+        Claim(
+            "2 sd hold 93 to 98 % of the errors of every angle of every drive",
+            within == len(covered),
+            f"{within} of {len(covered)} within, {careless} below, "
+            f"{len(covered) - within - careless} above; mean {np.mean(covered):.3f}",
+        )
+    )
+    return goals
+
+
+def _claim(text: str, rows: list[tuple[str, float, float]]) -> Claim:
+    """Every value below its limit; else the rows that are not."""
+    misses = [
+        f"{name} {value:.3f} (limit {limit:.3f})" for name, value, limit in rows if value > limit
+    ]
+    worst = max(rows, key=lambda row: row[1] / row[2])
+    now = "; ".join(misses) if misses else f"worst {worst[0]} {worst[1]:.3f} of {worst[2]:.3f}"
+    if misses:
+        now = f"{len(misses)} of {len(rows)} miss: {now}"
+    return Claim(text, not misses, now)
