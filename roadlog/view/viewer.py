@@ -196,7 +196,15 @@ def headless(path: Path, size: str = WINDOW) -> Iterator[Headless]:
         deadline = time.monotonic() + LOAD_TIME
         while client.get_state().loading and time.monotonic() < deadline:
             time.sleep(0.2)
-        yield Headless(client, url)
+        try:
+            yield Headless(client, url)
+        except ConnectionError as error:
+            if process.poll() is None:
+                raise RoadlogError(f"the viewer does not answer: {error}") from error
+            raise RoadlogError(
+                f"the viewer ended (without a screen it cannot write letters outside its font, "
+                f"as in the name of a log): {_last_words(process)}"
+            ) from error
 
 
 def _executable() -> str:
