@@ -74,7 +74,7 @@ def test_estimates_share_one_entity_with_their_variances(view: DriveView, record
     variances = column(table, "Measurements:variances").reshape(ROWS, len(shown))
     for k, name in enumerate(shown):
         assert_allclose(values[:, k], view.estimates["grade"][name].values, atol=2.0**-15)
-    assert_allclose(np.sqrt(variances[21:]), np.degrees(SD), rtol=1e-3)
+    assert_allclose(np.sqrt(variances[21:]), np.degrees(SD), rtol=5e-3)
     others = rows(recording, "/angles/grade/more_estimates")
     assert len(column(others, "Measurements:values")) == 2 * ROWS
 
@@ -87,7 +87,7 @@ def test_truth_and_errors(view: DriveView, recording: Path) -> None:
     assert_allclose(errors, np.degrees(ERROR), atol=2.0**-14)
     band = rows(recording, "/errors/grade/estimates/band")
     width = np.sqrt(column(band, "Measurements:variances").reshape(ROWS, 3)[21:])
-    assert_allclose(width, 2 * np.degrees(SD), rtol=1e-3)
+    assert_allclose(width, 2 * np.degrees(SD), rtol=5e-3)
     assert not column(band, "Measurements:values").reshape(ROWS, 3)[21:].any()
 
 
@@ -152,7 +152,7 @@ def test_lanes_scene_map_and_windows_are_there(view: DriveView, recording: Path)
     assert column(lane, "StateChange:state").tolist() == list(view.lanes["static_slope"].states)
     body = column(rows(recording, "/world/chase/car"), "Transform3D:quaternion")
     assert view.scene is not None
-    assert_allclose(np.stack(body), view.scene.body, atol=1e-6)
+    assert_allclose(np.stack(body), view.scene.body, atol=2.0**-15)
     track = rows(recording, "/map/car")
     assert track.num_rows == DURATION + 1
     paths = column(rows(recording, "/stops/static_slope/paths", static=True), "LineStrips2D:strips")
