@@ -17,7 +17,8 @@ from roadlog.types import Floats
 from roadlog.vehicle import Vehicle
 
 AXES = ("x", "y", "z")
-CAR_SPEEDS = ("wheel_speeds", "speed")  # sections that speed_scale and speed_delay are of
+CAR_SPEEDS = ("wheel_speeds", "speed")  # sections that speed_scale is of
+CAR_OTHERS = ("steering", "wheel_torques", "powertrain")  # that come the same way, as late
 
 
 def applied(vehicle: Vehicle, drive: Drive) -> list[str]:
@@ -37,9 +38,10 @@ def corrected(drive: Drive, vehicle: Vehicle) -> Drive:
     """The drive as it would be with the IMU in vehicle axes and every channel on time.
 
     The IMU is turned by `imu_mount`, then biases are subtracted; wheel speeds and /speed are
-    multiplied by `speed_scale` and moved `speed_delay` earlier; GNSS `gnss_delay` earlier. The
-    drive itself comes back when the vehicle says nothing of the kind. Raises ConfigError when
-    the mounting would turn an axis that the log does not have.
+    multiplied by `speed_scale` and, with everything else that the car itself sends, moved
+    `speed_delay` earlier; GNSS `gnss_delay` earlier. The drive itself comes back when the vehicle
+    says nothing of the kind. Raises ConfigError when the mounting would turn an axis that the log
+    does not have.
     """
     changes = applied(vehicle, drive)
     if not changes:
@@ -52,6 +54,10 @@ def corrected(drive: Drive, vehicle: Vehicle) -> Drive:
             samples = native[section]
             columns = {name: vehicle.speed_scale * v for name, v in samples.columns.items()}
             native[section] = Samples(samples.time - vehicle.speed_delay, columns)
+    for section in CAR_OTHERS:
+        if section in native and "speed_delay" in changes:
+            samples = native[section]
+            native[section] = Samples(samples.time - vehicle.speed_delay, samples.columns)
     if "gnss_delay" in changes:
         gnss = native["gnss"]
         native["gnss"] = Samples(gnss.time - vehicle.gnss_delay, gnss.columns)

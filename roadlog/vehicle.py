@@ -96,7 +96,7 @@ class Vehicle:
         None, "rad/s", "to be subtracted, vehicle axes"
     )
     speed_scale: float = _parameter(1.0, "-", "true speed / what wheel speeds and /speed say")
-    speed_delay: float = _parameter(0.0, "s", "wheel speeds and /speed lag the IMU")
+    speed_delay: float = _parameter(0.0, "s", "the car's own messages lag the IMU")
     gnss_delay: float = _parameter(0.0, "s", "the receiver lags the IMU")
     tank_length: float = _parameter(0.70, "m", "box along x", "tank.length")
     tank_width: float = _parameter(0.45, "m", "box along y", "tank.width")

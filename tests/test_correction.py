@@ -56,6 +56,17 @@ def test_every_estimator_profits(name: str) -> None:
     assert any("imu_mount, accel_bias" in note for note in estimate.notes)
 
 
+def test_all_that_the_car_sends_is_on_time() -> None:
+    tables = hill_tables(20.0)
+    wheels = tables[1]
+    steering = {"road_wheel_angle": np.sin(np.arange(len(wheels)) / 100.0)}
+    tables.append(table("steering", wheels.time + 300_000_000, steering))
+    found = corrected(Drive.from_tables(tables), Vehicle().with_values(speed_delay=0.3))
+    inside = slice(100, 1500)
+    true = np.sin(found.time)
+    np.testing.assert_allclose(found["steering.road_wheel_angle"][inside], true[inside], atol=1e-9)
+
+
 def test_nothing_said_changes_nothing() -> None:
     drive = Drive.from_tables(hill_tables())
     assert corrected(drive, Vehicle.preset("wagon")) is drive

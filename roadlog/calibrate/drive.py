@@ -19,6 +19,7 @@ from roadlog.errors import EstimatorError
 from roadlog.estimate import Estimate
 from roadlog.estimators.fusion_inputs import DASHBOARD_HEIGHT
 from roadlog.types import Floats
+from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import Vehicle
 
 DEG = np.pi / 180
@@ -32,10 +33,13 @@ SETTLED, SETTLED_DELAY = 0.03 * DEG, 0.003  # rad, s; changes below which the la
 TOLD = 0.5  # share of the prior sd, above which the data have told nothing
 CROSSFALL_SD = 1.5 * DEG  # of a drive's mean bank: what the mounting's roll is known to without
 WEAK_COHERENCE, WEAK_FACTOR = 0.9, 3.0  # section 10.5: yaw and its gyro bias are then overconfident
+COARSE_DELAY_SD = 0.1  # s, of the delay that the first comparison of accelerations gives
 DELAY_FLOOR = 0.01  # s, an IMU's own low-pass delays it by as much
-WORTH_DELAY = 0.05  # s, a delay less well known is none
+WORTH_DELAY = 0.12  # s, a delay less well known is none
 WORTH_PLACE, PLACE_FLOOR = 0.3, 0.03  # m
 ACCEL_FLOOR, GYRO_FLOOR = 0.01, 0.01 * DEG  # m/s2, rad/s: biases wander by this in a drive
+STRAINED = 0.1  # m/s2; an accelerometer bias beyond may as well be a wrong mounting
+STANCE_SD = 0.03 * DEG  # of the body's mean pitch in a drive against that at rest
 UNSETTLED = 1.0  # share of the last change that a mounting which does not settle is uncertain by
 ARM_UNKNOWN = 0.03  # m/s2, section 10.4: curve-derived biases with unknown lever arms
 DRIVEN_SLIP, DRIVEN_GATE = 0.002, 4.0  # s2/m, sd: slip beyond both is that of a driven axle
@@ -96,9 +100,11 @@ def calibrate_drive(drive: Drive, vehicle: Vehicle) -> DriveCalibration:
         seen = corrected(drive, car)
         estimate = _smoothed(seen, car, prior, delay_sd)
         constants = {k: float(v[0]) for k, v in estimate.details["constants"].columns.items()}
+        _relieve(constants)
+        rolls = "gnss.roll" in seen and constants["mounting_roll_sd"] < TOLD * prior
         turn = np.array(
             [
-                _roll(seen, estimate, constants, prior),
+                constants["mounting_roll"] if rolls else 0.0,
                 -constants["mounting_pitch"],
                 constants["mounting_yaw"],
             ]
@@ -124,10 +130,10 @@ def calibrate_drive(drive: Drive, vehicle: Vehicle) -> DriveCalibration:
             break
     evidence = _evidence(drive, start)
     findings = _of_smoother(constants, drive, car, start, evidence, prior, turn)
-    findings += _of_speeds(fits, late, seen, ref, car, source)
+    findings += _of_speeds(fits, late, seen, ref, car, start, source)
     findings += place
     findings += [
-        gains.pitch_gradient(seen, estimate, car),
+        gains.pitch_gradient(seen, estimate),
         gains.roll_gradient(seen, estimate, car),
     ]
     findings += mass.mass_and_rolling(seen, estimate, car, constants["accel_bias_x_sd"])
@@ -154,13 +160,15 @@ def _smoothed(drive: Drive, vehicle: Vehicle, prior: float, delay_sd: float) -> 
     return estimators.run("fusion", drive, plain, settings)
 
 
-def _roll(drive: Drive, estimate: Estimate, constants: dict[str, float], prior: float) -> float:
-    """rad, the mounting's roll: what antennas tell, else what makes the mean bank 0."""
-    if constants["mounting_roll_sd"] < TOLD * prior:
-        return constants["mounting_roll"]
-    use = estimate.usable & np.isfinite(drive.speed)
-    weight = np.abs(drive.speed[use])
-    return constants["mounting_roll"] + float(np.average(estimate.bank[use], weights=weight))
+def _relieve(constants: dict[str, float]) -> None:
+    """Leave the mounting as gravity gives it where the smoother bends it against a large bias.
+
+    Only accel_bias_x + g mounting_pitch is well known; it stays.
+    """
+    if abs(constants["accel_bias_x"]) > STRAINED:
+        constants["accel_bias_x"] += G * constants["mounting_pitch"]
+        constants["mounting_pitch_strain"] = constants["mounting_pitch"]
+        constants["mounting_pitch"] = 0.0
 
 
 def _channels(
@@ -227,6 +235,7 @@ def _of_smoother(
     mounting_sd: float,
     turn: Floats,
 ) -> list[Finding]:
+    strain = constants.get("mounting_pitch_strain", 0.0)
     has_height = any(f"gnss.{field}" in drive for field in ("climb", "altitude"))
     found = []
     for name, prior in (PRIORS | dict.fromkeys(TURNS, mounting_sd)).items():
@@ -241,9 +250,13 @@ def _of_smoother(
             sd = float(np.hypot(sd, UNSETTLED * turn[TURNS.index(name)]))
         elif name != "slip_gradient":
             sd = float(np.hypot(sd, ACCEL_FLOOR if name.startswith("accel") else GYRO_FLOOR))
+        if name == "mounting_pitch":
+            sd = float(np.hypot(sd, np.hypot(strain, STANCE_SD)))
+        if name == "accel_bias_x":
+            sd = float(np.hypot(sd, G * strain))
         reason = "" if sd < TOLD * prior else WHY.get(name, WHY_NO_ROLL)
-        if name == "mounting_roll" and reason:
-            sd = CROSSFALL_SD
+        if name == "mounting_roll" and (reason or "gnss.roll" not in drive):
+            sd, reason = CROSSFALL_SD, WHY_NO_ROLL  # the mean bank is 0, as in `mounting.coarse`
         found.append(Finding(name, unit, value, sd, evidence, reason))
     return found
 
@@ -254,6 +267,7 @@ def _of_speeds(
     drive: Drive,
     ref: speeds.Reference,
     vehicle: Vehicle,
+    start: mounting.Coarse,
     source: str,
 ) -> list[Finding]:
     """Delays of both clocks, and the scale of the car's own speed."""
@@ -265,6 +279,9 @@ def _of_speeds(
         if name in fits:
             sd = float(np.hypot(fits[name].delay_sd, DELAY_FLOOR))
             found.append(Finding(key, "s", late[clock], sd, f"{name} speed against the IMU"))
+        elif clock in late and np.isfinite(start.delay):
+            evidence = "accelerations of IMU and speed, roughly"
+            found.append(Finding(key, "s", late[clock], COARSE_DELAY_SD, evidence))
         elif clock == "gnss":
             reason = why if "gnss.speed" in drive else "no GNSS speed in the log"
             found.append(unknown(key, "s", reason))

@@ -33,9 +33,9 @@ WORTH = 0.5  # share of the value; a larger standard error says nothing
 UNIT = "rad/(m/s2)"
 
 
-def pitch_gradient(drive: Drive, estimate: Estimate, vehicle: Vehicle) -> Finding:
+def pitch_gradient(drive: Drive, estimate: Estimate) -> Finding:
     """Body pitch per longitudinal specific force."""
-    force = _sway(drive, "imu.accel_x", PITCH_MODE, vehicle.pitch_gain)
+    force = second_order(filled(drive["imu.accel_x"]), *PITCH_MODE, drive.rate)
     change = slope(filled(drive.speed), odd_window(SLOPE_WINDOW, drive.dt), drive.dt)
     use = _usable(drive, estimate)
     value, sd, level, blocks = _ratio(estimate.inclination, force, change, use, SLOW, drive.rate)
@@ -58,7 +58,7 @@ def pitch_gradient(drive: Drive, estimate: Estimate, vehicle: Vehicle) -> Findin
 
 def roll_gradient(drive: Drive, estimate: Estimate, vehicle: Vehicle) -> Finding:
     """Body roll per lateral specific force; not told on superelevated roads."""
-    force = _sway(drive, "imu.accel_y", ROLL_MODE, vehicle.roll_gain)
+    force = second_order(filled(drive["imu.accel_y"]), *ROLL_MODE, drive.rate)
     lateral = filled(drive.speed) * filled(drive["imu.gyro_z"])
     use = _usable(drive, estimate)
     angle = estimate.roll_total
@@ -87,11 +87,6 @@ def roll_gradient(drive: Drive, estimate: Estimate, vehicle: Vehicle) -> Finding
     return Finding("roll_gradient", UNIT, value, sd, evidence)
 
 
-def _sway(drive: Drive, role: str, mode: tuple[float, float], gain: float) -> Floats:
-    """m/s2, force in the road plane behind the suspension's own dynamics."""
-    return (1 - G * gain) * second_order(filled(drive[role]), *mode, drive.rate)
-
-
 def _usable(drive: Drive, estimate: Estimate) -> Bools:
     """Where the car moves and the angles are known."""
     return (np.abs(filled(drive.speed)) > SPEED) & estimate.usable
@@ -105,7 +100,7 @@ def _ratio(
     band: tuple[float, float],
     rate: float,
 ) -> tuple[float, float, float, int]:
-    """sum(I angle) / sum(I force) in a band, its sd, rms of the force, blocks used."""
+    """Gradient from sum(I angle) / sum(I force) in a band, its sd, rms force, number of blocks."""
     passed = [band_passed(filled(x), band, rate) for x in (angle, force, instrument)]
     block = np.arange(len(use))[use] // round(BLOCK * rate)
     theta, s, z = (x[use] for x in passed)
@@ -115,5 +110,10 @@ def _ratio(
         return np.nan, np.inf, 0.0, blocks
     top, bottom = (np.bincount(block, z * x)[count > 0] for x in (theta, s))
     ratio, sd = jackknife(top, bottom)
-    value = ratio.real
+    value = _gradient(ratio.real)
     return value, float(np.hypot(sd, SYSTEMATIC * value)), float(np.sqrt(np.mean(s**2))), blocks
+
+
+def _gradient(response: float) -> float:
+    """K from K (1 - g K): a tilted body feels a share of its own tilt as force."""
+    return float((1 - np.sqrt(max(0.0, 1 - 4 * G * response))) / (2 * G))

@@ -17,6 +17,7 @@ PAPERS: dict[str, str] = {
     "luo2024": "roadlog.reproduce.luo2024:luo2024",
     "wang2025": "roadlog.reproduce.wang2025:reproduce",
     "fusion": "roadlog.reproduce.fusion:fusion",
+    "calibration": "roadlog.reproduce.calibration:calibration",
 }
 
 

@@ -1,0 +1,258 @@
+"""Self-calibration on drives whose mounting, delays, scale and car are known."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Run, hill_tables, table
+from scipy.spatial.transform import Rotation
+
+from roadlog import estimators
+from roadlog.calibrate import Calibration, calibrate
+from roadlog.calibrate.finding import Finding, combined, jackknife, unknown
+from roadlog.calibrate.mounting import band_passed, filled, vector_of
+from roadlog.drive import Drive
+from roadlog.errors import EstimatorError
+from roadlog.estimators.fusion_inputs import ROLL_MODE, second_order
+from roadlog.ingest import ingest
+from roadlog.ingest.profile import Profile
+from roadlog.log import DriveLog, create
+from roadlog.metrics import angle_errors, angle_metrics
+from roadlog.simulate import simulate
+from roadlog.storage import Table
+from roadlog.units import STANDARD_GRAVITY as G
+from roadlog.vehicle import Vehicle
+
+IMU_DELAY = 0.0075  # s, of the simulated IMU's own low-pass (2nd order, 30 Hz)
+TURNS = ("mounting_roll", "mounting_pitch", "mounting_yaw")
+
+
+def turned(tables: list[Table], rotation: np.ndarray) -> list[Table]:
+    """The log of an IMU that is mounted by `rotation` (IMU axes from vehicle axes)."""
+    result = []
+    for source in tables:
+        columns = dict(source.columns)
+        if source.topic == "/imu":
+            for kind in ("accel", "gyro"):
+                names = [f"{kind}_{axis}" for axis in "xyz"]
+                rows = rotation @ np.stack([columns[name] for name in names])
+                columns |= dict(zip(names, rows, strict=True))
+        result.append(Table(source.topic, source.schema, source.time, columns))
+    return result
+
+
+def hills(
+    rotation: np.ndarray, late: float = 0.0, scale: float = 1.0, duration: float = 120.0
+) -> list[Table]:
+    """`hill_tables` with late and wrong wheels, and a receiver that is 0.3 s late."""
+    tables = hill_tables(duration)
+    wheels, truth = tables[1], tables[2].columns
+    slower = {name: values / scale for name, values in wheels.columns.items()}
+    at = slice(None, None, 20)
+    v, grade = wheels.columns["fl"][at], truth["grade"][at]
+    gnss = {"speed": v * np.cos(grade), "course": 0 * v, "climb": v * np.sin(grade)}
+    tables[1] = table("wheel_speeds", wheels.time + round(late * 1e9), slower)
+    tables.append(table("gnss", wheels.time[at] + 300_000_000, gnss))
+    return turned(tables, rotation)
+
+
+def away(found: Calibration, rotation: np.ndarray) -> np.ndarray:
+    """rad about forward, left and up, by which the found mounting is wrong."""
+    return vector_of(found.rotation @ rotation)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_mounting_delays_and_scale_from_a_straight_drive(seed: int) -> None:
+    rotation = Rotation.random(random_state=seed).as_matrix()
+    drive = Drive.from_tables(hills(rotation, late=0.15, scale=1.02))
+    found = calibrate({"hills": drive}, Vehicle())
+    error = np.degrees(away(found, rotation))
+    assert np.abs(error[1:]).max() < 0.15
+    for name, true in (("speed_delay", 0.15), ("gnss_delay", 0.3), ("speed_scale", 1.02)):
+        finding = found.findings[name]
+        assert finding.identifiable
+        assert finding.value == pytest.approx(true, abs=2.5 * (finding.sd or 0.0)), name
+        assert getattr(found.vehicle, name) == finding.value
+    # no curve, no antennas: neither roll nor the gradient of roll shows, and it says so
+    for name in ("mounting_roll", "roll_gradient", "rear_cornering_stiffness", "mass"):
+        assert not found.findings[name].identifiable
+        assert found.findings[name].reason
+    assert np.degrees(found.findings["mounting_roll"].sd or 0.0) >= 1.0
+    assert found.vehicle.source("roll_gradient").kind == "default"
+    again = Vehicle.from_toml(found.vehicle.to_toml())
+    assert again == found.vehicle
+
+
+def test_a_full_car_in_curves() -> None:
+    """Luo's third scenario by a light car with a turned logger and two antennas."""
+    rotation = Rotation.random(random_state=7).as_matrix()
+    car = Vehicle.preset("wagon").with_values(mass=1500.0, driven="front")
+    place = (0.4, -0.3, 0.1)
+    simulation = simulate(
+        "luo2024-s3",
+        seed=5,
+        vehicle=car,
+        overrides={
+            "imu.position": place,
+            "imu.misalignment_deg": (0.0, 0.0, 0.0),
+            "can.latency": 0.12,
+            "can.wheel_scale": 0.985,
+            "gnss.latency": 0.25,
+        },
+    )
+    drive = Drive.from_tables(turned(simulation.tables, rotation))
+    found = calibrate({"s3": drive}, Vehicle())
+    assert np.degrees(np.abs(away(found, rotation))).max() < 0.15
+    true = {
+        "speed_delay": 0.12 - IMU_DELAY,
+        "gnss_delay": 0.25 - IMU_DELAY,
+        "speed_scale": 1 / 0.985,
+        "imu_position_x": place[0],
+        "imu_position_y": place[1],
+    }
+    for name, value in true.items():
+        finding = found.findings[name]
+        assert finding.identifiable, name
+        assert finding.value == pytest.approx(value, abs=2.5 * (finding.sd or 0.0)), name
+    assert found.driven == "front"
+    assert found.vehicle.driven == "front"
+    assert abs((found.vehicle.imu_position or (9.0,))[0] - place[0]) < 0.3
+
+
+def test_slalom_tells_the_roll_gradient() -> None:
+    """Within 2 % of what the truth's own roll says: more than the data sheet's, which is of slow
+    circles; the car leans further in a slalom.
+    """
+    simulation = simulate("ryu2004-slalom", seed=3)
+    rotation = Rotation.random(random_state=8).as_matrix()
+    drive = Drive.from_tables(turned(simulation.tables, rotation))
+    finding = calibrate({"slalom": drive}, Vehicle()).findings["roll_gradient"]
+    assert finding.identifiable
+    truth = simulation.table("/truth/angles")
+    roll = np.interp(drive.time_ns, truth.time, truth.columns["roll"])
+    level = Drive.from_tables(simulation.tables)["imu.accel_y"]
+    band = (0.15, 0.5)
+    force = band_passed(second_order(filled(level), *ROLL_MODE, drive.rate), band, drive.rate)
+    response = float(force @ band_passed(roll, band, drive.rate) / (force @ force))
+    value = finding.value or 0.0
+    assert value * (1 - G * value) == pytest.approx(response, rel=0.02)
+
+
+def test_what_was_applied_before_is_found_anew() -> None:
+    """A log that already carries a calibration gives the same one again, not the rest of it."""
+    rotation = Rotation.random(random_state=4).as_matrix()
+    drive = Drive.from_tables(hills(rotation, late=0.1))
+    first = calibrate({"hills": drive}, Vehicle())
+    second = calibrate({"hills": drive}, first.vehicle)
+    assert np.degrees(np.linalg.norm(vector_of(first.rotation @ second.rotation.T))) < 0.05
+    assert second.vehicle.speed_delay == pytest.approx(first.vehicle.speed_delay, abs=0.003)
+
+
+def test_steady_driving_does_not_tell_forward() -> None:
+    tables = hill_tables(40.0)
+    tables[1] = table(
+        "wheel_speeds", tables[1].time, dict.fromkeys(("rl", "rr"), np.full(4001, 9.0))
+    )
+    sideways = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    drive = Drive.from_tables(turned(tables, sideways))
+    with pytest.raises(EstimatorError, match="which way the IMU points does not show"):
+        calibrate({"steady": drive}, Vehicle())
+
+
+def test_too_short_and_too_little_is_said() -> None:
+    tables = hill_tables(8.0)
+    with pytest.raises(EstimatorError, match=r"moves for 8 s only"):
+        calibrate({"short": Drive.from_tables(tables)}, Vehicle())
+    no_gyro = {k: v for k, v in tables[0].columns.items() if k != "gyro_x"}
+    tables[0] = table("imu", tables[0].time, no_gyro)
+    with pytest.raises(EstimatorError, match=r"has no imu\.gyro_x"):
+        calibrate({"no gyro": Drive.from_tables(tables)}, Vehicle())
+
+
+def test_drives_are_combined_by_inverse_variance() -> None:
+    def at(value: float, sd: float) -> Finding:
+        return Finding("x", "s", value, sd, "seen")
+
+    hidden = unknown("x", "s", "too slow")
+    both = combined([at(1.0, 0.1), hidden, at(1.2, 0.2)])
+    assert both.value == pytest.approx((1.0 * 100 + 1.2 * 25) / 125)
+    assert both.sd == pytest.approx(125**-0.5)
+    assert both.drives == ((1.0, 0.1), (1.2, 0.2))
+    assert "disagree" not in both.evidence
+    apart = combined([at(1.0, 0.01), at(1.2, 0.01)])
+    assert apart.sd == pytest.approx(0.1, rel=0.01)  # Birge: as far as they are apart
+    assert "disagree" in apart.evidence
+    assert combined([hidden, hidden]).reason == "too slow"
+
+
+def test_jackknife_is_the_spread_of_a_mean() -> None:
+    values = np.random.default_rng(3).normal(2.0, 0.5, 200)
+    ratio, sd = jackknife(values, np.ones(200))
+    assert ratio.real == pytest.approx(values.mean())
+    assert sd == pytest.approx(values.std(ddof=1) / np.sqrt(200), rel=1e-6)
+
+
+def test_the_command_and_what_estimate_makes_of_it(roadlog: Run, tmp_path: Path) -> None:
+    """An unknown mounting: calibrate, then estimate with the file."""
+    rotation = Rotation.random(random_state=9).as_matrix()
+    log, out = tmp_path / "raw.mcap", tmp_path / "car.toml"
+    create(log, hills(rotation, late=0.2))
+    done = roadlog("calibrate", log, "-o", out, "--json")
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert set(report) == {"vehicle", "logs", "left_out", "imu_mount", "driven", "constants"}
+    entry = report["constants"]["speed_delay"]
+    keys = {"value", "sd", "unit", "identifiable", "evidence", "reason", "drives"}
+    assert set(entry) == keys
+    assert entry["value"] == pytest.approx(0.2, abs=2.5 * entry["sd"])
+    done = roadlog("estimate", log, "-e", "fusion", "--vehicle", out)
+    assert done.returncode == 0, done.stderr
+    assert "applied from the vehicle file: imu_mount" in done.stderr
+    found, truth = DriveLog(log).estimate("fusion"), DriveLog(log).truth()
+    assert truth is not None
+    errors = angle_errors(found, truth, "grade")
+    assert errors is not None
+    assert (angle_metrics(errors, "grade").std_deg or 1.0) < 0.15
+
+
+def test_a_drive_that_tells_nothing_is_left_out(roadlog: Run, tmp_path: Path) -> None:
+    good, short, out = tmp_path / "good.mcap", tmp_path / "short.mcap", tmp_path / "car.toml"
+    create(good, hills(np.eye(3), duration=60.0))
+    create(short, hill_tables(6.0))
+    failed = roadlog("calibrate", short, "-o", out)
+    assert failed.returncode == 1
+    assert len(failed.stderr.splitlines()) == 1
+    assert not out.exists()
+    lossy = roadlog("calibrate", good, short, "-o", out)
+    assert lossy.returncode == 3, lossy.stderr
+    assert "not identifiable from these drives" in lossy.stdout
+    assert "forward in the log's IMU axes" in lossy.stdout
+    assert "short.mcap left out: cannot calibrate: the car moves for 6 s only" in lossy.stderr
+    assert Vehicle.load(out).imu_mount is not None
+
+
+def comma_as_recorded() -> Profile:
+    """The shipped profile without its mounting: the device's own forward-right-down axes."""
+    import roadlog
+
+    path = Path(roadlog.__file__).parent / "profiles" / "comma2k19.toml"
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("mount")]
+    return Profile.from_toml("\n".join(lines), "comma2k19 as recorded")
+
+
+def test_comma2k19_mounting(shared: Path) -> None:
+    """A minute that never stops and hardly turns; documented mounting in the shipped profile."""
+    documented = Profile.load("comma2k19").mounts["imu"]
+    result = ingest([shared / "comma2k19"], comma_as_recorded())
+    drive = Drive.from_tables(result.tables)
+    found = calibrate({"comma": drive}, Vehicle())
+    error = vector_of(found.rotation @ documented.T)
+    for k, name in enumerate(TURNS):
+        assert abs(error[k]) < 3 * (found.findings[name].sd or 0.0), name
+    truth = next(t for t in result.tables if t.topic == "/truth/angles")
+    estimate = estimators.run("fusion", drive, found.vehicle)
+    grade = np.interp(truth.time, drive.time_ns, estimate.grade)
+    late = truth.time > truth.time[0] + 5e9
+    spread = np.degrees(np.nanstd((grade - truth.columns["grade"])[late]))
+    assert spread < 0.16  # the issue asks for 0.18; 0.142 with u-blox
