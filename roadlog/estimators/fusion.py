@@ -84,6 +84,8 @@ SETTLE = 2.0  # s at the ends of a run of the IMU, flagged
 LINEAR_TIRES = 5.0  # m/s2 of lateral specific force, beyond which tires are not linear
 OFFSET_LIMIT = 0.15 * DEG  # sd of the mean of grade or bank, beyond which it is not observable
 ROAD_BAND = 1.5  # Hz, what changes faster is the body on its springs, not the road
+UNKNOWN_ARM = 0.03  # m/s2, of an accelerometer bias that curves tell an IMU of unknown place (10.4)
+LEARNED = 0.7  # a constant whose sd is this share of its prior's was found in the drive
 SAME_GAIN = 0.01  # a roll gradient this near m h / k was computed, not measured
 FAST_GNSS = 5.0  # Hz; slower receivers are of the consumer kind, with a slower and larger error
 
@@ -174,7 +176,10 @@ def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Eng
     angles, variance = _angles(result, steps, P0, params)
     time = grid(drive)
     shape = np.sqrt(result.shape_variance)
-    offset = np.sqrt(np.maximum(result.variance[:, :2] - result.shape_variance, 0.0))
+    arm = _unknown_arm(vehicle, steps)
+    for name, column in (("grade", 0), ("inclination", 0), ("bank", 1), ("roll_total", 1)):
+        variance[name] = variance[name] + arm[column]
+    offset = np.sqrt(np.maximum(result.variance[:, :2] - result.shape_variance, 0.0) + arm)
     alive = _nearest(time, steps.alive, drive.time)
     out = {name: np.interp(drive.time, time, values) for name, values in angles.items()}
     reported = np.isfinite(shape[:, GRADE])
@@ -206,7 +211,11 @@ def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Eng
     }
     out = complete_angles(out)
     used = [*_used(steps, source), *(["torques"] if torque is not None else [])]
-    notes = [f"used: {', '.join(used)}", *_offset_notes(offset[reported])]
+    notes = [
+        f"used: {', '.join(used)}",
+        *_found(result, P0),
+        *_offset_notes(offset[reported]),
+    ]
     return Estimate(drive.time, out, sd, alive & ~missing, flags, details, notes)
 
 
@@ -357,6 +366,28 @@ def _constants(result: Smoothed, time: Floats) -> Detail:
         columns[name] = result.x_end[[state]]
         columns[f"{name}_sd"] = sd[[state]]
     return Detail("roadlog.v1.FusionConstants", time[-1:], columns)
+
+
+def _unknown_arm(vehicle: Vehicle, steps: Steps) -> Floats:
+    """rad2, variance of grade and bank that curves leave where the IMU's place is not known.
+
+    Its own acceleration in a bend looks like a bias; climb or altitude tell the grade better.
+    """
+    if vehicle.imu_position is not None:
+        return np.zeros(2)
+    heights = np.isfinite(steps.fixes[:, [UP, ALTITUDE, BAROMETER]]).any()
+    return (UNKNOWN_ARM / G) ** 2 * np.array([0.0 if heights else 1.0, 1.0])
+
+
+def _found(result: Smoothed, P0: Floats) -> list[str]:
+    """A sentence on the constants that the drive told, with their standard errors."""
+    sd, prior = np.sqrt(np.diag(result.P_end)), np.sqrt(np.diag(P0))
+    found = [
+        f"{name} {result.x_end[state]:+.2g} +- {sd[state]:.1g}"
+        for name, state in CONSTANTS.items()
+        if sd[state] < LEARNED * prior[state]
+    ]
+    return [f"found (SI units, 1 sd): {', '.join(found)}"] if found else []
 
 
 def _used(steps: Steps, source: SpeedSource) -> list[str]:
