@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -155,8 +155,25 @@ class DriveLog:
         table = self.tables([TRUTH_TOPIC]).get(TRUTH_TOPIC)
         return AngleTrack.from_table(table) if table is not None and len(table) else None
 
-    def estimate(self, name: str) -> AngleTrack:
-        """The angles of one estimator. Raises MissingSignalError."""
+    def estimate(
+        self,
+        name: str,
+        *,
+        rate: float = DEFAULT_RATE,
+        vehicle: Vehicle | None = None,
+        **settings: Any,
+    ) -> Estimate:
+        """Run one estimator; nothing is written.
+
+        vehicle: instead of the log's own. settings: the estimator's parameters. Raises
+        EstimatorError when a needed signal is not there, ConfigError for an unknown name.
+        """
+        from roadlog import estimators
+
+        return estimators.run(name, self.drive(rate), vehicle or self.vehicle, settings)
+
+    def stored(self, name: str) -> AngleTrack:
+        """The angles of one estimator that the log holds. Raises MissingSignalError."""
         topic = estimate_topic(name)
         table = self.tables([topic]).get(topic)
         if table is None:
@@ -176,19 +193,24 @@ class DriveLog:
         drive: Drive,
         *,
         engine: str,
+        names: Iterable[str] = (),
         vehicle: Vehicle | None = None,
         out: Path | None = None,
         in_place: bool = False,
     ) -> None:
         """Put estimates into the log, in place of earlier ones of the same name.
 
+        names: of estimates that are made only as they are written, so that one of them at a time is
+        in memory; others are known by themselves.
         Everything else stays byte for byte; the file is replaced at once or not at all. vehicle:
         stored in the log when given. in_place: change the file itself, with an undo journal beside
         it, instead of writing a copy. Raises LogWriteError.
         """
-        estimates = list(estimates)
-        names = {estimate.name for estimate in estimates}
-        records = {f"estimate/{e.name}": _record(e, drive, engine) for e in estimates}
+        names = set(names)
+        if in_place or not names:  # a file that is being changed waits for nothing
+            estimates = list(estimates)
+            names |= {estimate.name for estimate in estimates}
+        records: dict[str, dict[str, str]] = {}
         if vehicle is not None:
             records["vehicle"] = {"toml": vehicle.to_toml()}
         if self.profile is not None:
@@ -199,13 +221,19 @@ class DriveLog:
             parts = split_estimate_topic(topic)
             return parts is not None and parts[0] in names
 
+        def tables() -> Iterator[Table]:
+            for estimate in estimates:
+                records[f"estimate/{estimate.name}"] = _record(estimate, drive, engine)
+                yield from estimate.tables(drive)
+
+        replaced = {*records, *(f"estimate/{name}" for name in names)}
         with exclusive(self.path):
             update_log(
                 self.path,
-                [table for estimate in estimates for table in estimate.tables(drive)],
+                tables(),
                 records,
                 drop=is_replaced,
-                drop_metadata=records.__contains__,
+                drop_metadata=replaced.__contains__,
                 out=out,
                 in_place=in_place,
             )

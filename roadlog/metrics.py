@@ -76,7 +76,7 @@ def evaluate(
         raise LogReadError(f"{log.path}: has no estimates yet; run `roadlog estimate {log.path}`")
     result: dict[str, dict[str, AngleMetrics]] = {}
     for name in log.estimators:
-        estimate = log.estimate(name)
+        estimate = log.stored(name)
         result[name] = {
             angle: angle_metrics(errors, angle, remove_offset)
             for angle in ANGLES

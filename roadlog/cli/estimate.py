@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -119,12 +120,21 @@ def _estimate_log(
     if not chosen:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in skipped.items())
         raise EstimatorError(f"{path}: no estimator can run. {reasons}")
-    estimates = [estimators.run(name, drive, vehicle, by_name.get(name), engine) for name in chosen]
-    log.write(estimates, drive, engine=engine, vehicle=given, out=out, in_place=in_place)
+    summaries = {}
+
+    def estimates() -> Iterator[Estimate]:
+        for name in chosen:
+            made = estimators.run(name, drive, vehicle, by_name.get(name), engine)
+            summaries[made.name] = _summary(made, drive)
+            yield made
+
+    log.write(
+        estimates(), drive, engine=engine, names=chosen, vehicle=given, out=out, in_place=in_place
+    )
     report = {
         "log": str(out or path),
         "duration_s": round(float(drive.time[-1]), 3),
-        "estimates": {e.name: _summary(e, drive) for e in estimates},
+        "estimates": summaries,
         "cannot_run": skipped,
     }
     return report, [f"{path}: {loss}" for loss in log.losses]

@@ -66,7 +66,8 @@ def _write(
     metadata: Mapping[str, Mapping[str, str]],
 ) -> None:
     plan.execute(writer, source)
-    writer.put_tables(tables)
+    for table in tables:  # one at a time: they may be made only now
+        writer.put_tables([table])
     for name, values in metadata.items():
         writer.put_metadata(name, values)
     writer.finish(with_summary=not plan.has_damage)

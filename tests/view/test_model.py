@@ -16,7 +16,7 @@ from roadlog.view.model import SHOWN_FIRST, drive_view
 
 def test_curves_are_in_degrees_on_the_drive_clock(log: DriveLog) -> None:
     view = drive_view(log)
-    track, curve = log.estimate("kmbe"), view.estimates["grade"]["kmbe"]
+    track, curve = log.stored("kmbe"), view.estimates["grade"]["kmbe"]
     assert_allclose(curve.time, np.arange(DURATION * 20 + 1) / 20, atol=1e-9)
     expected = np.where(track.valid, np.degrees(track.angles["grade"]), np.nan)[::5]
     assert_allclose(curve.values, expected, atol=1e-9)
