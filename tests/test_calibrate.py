@@ -209,7 +209,7 @@ def test_the_command_and_what_estimate_makes_of_it(roadlog: Run, tmp_path: Path)
     done = roadlog("estimate", log, "-e", "fusion", "--vehicle", out)
     assert done.returncode == 0, done.stderr
     assert "applied from the vehicle file: imu_mount" in done.stderr
-    found, truth = DriveLog(log).estimate("fusion"), DriveLog(log).truth()
+    found, truth = DriveLog(log).stored("fusion"), DriveLog(log).truth()
     assert truth is not None
     errors = angle_errors(found, truth, "grade")
     assert errors is not None
