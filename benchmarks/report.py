@@ -6,12 +6,13 @@ Run: python benchmarks/report.py
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -67,7 +68,7 @@ def kept(jobs: int, warm_up: Source, options: Options) -> Iterator[Callable[[], 
 
 
 def timed(folder: Path, jobs: int, options: Options, tables: bool = False) -> dict[str, float]:
-    """Wall s, CPU s of the parent, and s in which a worker had nothing to do, per log."""
+    """Wall s; a log's CPU of the worker and of the parent, and time with nothing to do, in ms."""
     sources = find([str(folder)])
     with (
         tempfile.TemporaryDirectory() as out,
@@ -87,6 +88,7 @@ def timed(folder: Path, jobs: int, options: Options, tables: bool = False) -> di
         "wall_s": wall,
         "end_s": ending,
         "per_log_ms": 1e3 * wall / len(rows),
+        "worker_cpu_ms": 1e3 * sum(row["seconds"]["cpu"] for row in rows) / len(rows),
         "parent_cpu_ms": 1e3 * cpu / len(rows),
         "idle_ms": 1e3 * (jobs * wall - busy) / len(rows),
         "peak_memory_mb": max(row["peak_memory_mb"] for row in rows),
@@ -132,7 +134,10 @@ def synthetic_rows(count: int) -> list[dict[str, Any]]:
 
 
 def in_browser(count: int) -> dict[str, float] | None:
-    """s to open the index and to filter it, in headless Chromium; None without one."""
+    """s to open the index and to filter it, in headless Chromium; None without one.
+
+    Wall s, and CPU s of the drawing process, which other work on the machine does not change.
+    """
     chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
     if chromium is None or driver is None:
         return None
@@ -149,28 +154,48 @@ def in_browser(count: int) -> dict[str, float] | None:
         started = time.perf_counter()
         write_index(folder, synthetic_rows(count), Options())
         made = time.perf_counter() - started
+        pid = browser.service.process.pid
+        busy = [_renderer_cpu(pid)]
         browser.get((folder / "index.html").as_uri())
         opened = browser.execute_script(
             "return performance.getEntriesByType('navigation')[0].loadEventEnd"
         )
+        rows = browser.execute_script("return performance.getEntriesByName('rows')[0].startTime")
+        busy.append(_renderer_cpu(pid))
         filtered = browser.execute_script(
             "const t = performance.now(); byId('text').value = '/fleet/07'; update();"
             "document.body.offsetHeight; return performance.now() - t"
         )
-        ranked = browser.execute_script(
-            "const t = performance.now(); byId('reset').onclick(); document.body.offsetHeight;"
-            "return performance.now() - t"
-        )
+        busy.append(_renderer_cpu(pid))
         size = (folder / "index.html").stat().st_size / 1e6
     browser.quit()
     return {
         "logs": count,
         "page_mb": size,
         "write_s": made,
+        "rows_s": rows / 1e3,
         "open_s": opened / 1e3,
+        "open_cpu_s": busy[1] - busy[0],
         "filter_s": filtered / 1e3,
-        "clear_s": ranked / 1e3,
+        "filter_cpu_s": busy[2] - busy[1],
     }
+
+
+def _renderer_cpu(driver: int) -> float:
+    """CPU s so far of the processes that draw pages, of the browser that a driver started."""
+    stats = {}
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            fields = path.read_text().rpartition(")")[2].split()
+            command = path.with_name("cmdline").read_bytes()
+            ticks = int(fields[11]) + int(fields[12])
+            stats[int(path.parent.name)] = (int(fields[1]), b"--type=renderer" in command, ticks)
+    total = 0
+    for parent, draws, ticks in stats.values():
+        while draws and parent in stats and parent != driver:
+            parent = stats[parent][0]
+        total += ticks if draws and parent == driver else 0
+    return total / os.sysconf("SC_CLK_TCK")
 
 
 def main() -> None:

@@ -270,7 +270,7 @@ def _scaled(value: float | None, factor: float) -> float | None:
 
 
 def _short(value: float | None) -> float | None:
-    return None if value is None else float(f"{value:.4g}")
+    return None if value is None else round(value, 4)
 
 
 def _degrees(value: float | None) -> str:

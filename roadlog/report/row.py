@@ -150,7 +150,7 @@ def one_line(error: BaseException) -> str:
 
 def run_log(source: Source, options: Options) -> LogResult:
     """Read, estimate, evaluate and reduce one log; an error becomes a row that says so."""
-    started = time.perf_counter()
+    started, cpu = time.perf_counter(), time.process_time()
     work = _Work(empty_row(source, options))
     try:
         with local_copy(source) as path:
@@ -169,6 +169,7 @@ def run_log(source: Source, options: Options) -> LogResult:
         row["status"], row["message"] = "failed", "; ".join(work.failures)[:MAX_MESSAGE]
         row["traceback"] = work.traceback
     row["seconds"]["total"] = time.perf_counter() - started
+    row["seconds"]["cpu"] = time.process_time() - cpu
     row["peak_memory_mb"] = _peak_memory()
     row["worker"] = f"{platform.node()}:{os.getpid()}"
     row = _plain(row)
@@ -320,13 +321,12 @@ def _statistics(radians: np.ndarray) -> dict[str, float]:
 
 
 def _peak_memory() -> float | None:
-    """MB of this process at its largest."""
+    """MB of this process at its largest, where the system says."""
     try:
-        import resource
-    except ImportError:
+        text = Path("/proc/self/status").read_text("ascii")
+        return float(text.partition("VmHWM:")[2].split()[0]) / 1024
+    except (OSError, ValueError, IndexError):
         return None
-    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return used / (2**20 if platform.system() == "Darwin" else 2**10)
 
 
 def _plain(value: Any) -> Any:

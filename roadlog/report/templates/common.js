@@ -61,6 +61,14 @@ const CONFIG = {
   modeBarButtonsToRemove: ["sendChartToCloud", "downloadJson", "select2d", "lasso2d"], // nothing leaves this page
 };
 
+// Plotly is large: the page is there before it, and the plots come when it is.
+const waiting = new Map();
+
 function draw(id, traces, more) {
-  return Plotly.react(id, traces, layout(more), CONFIG);
+  if (typeof Plotly === "undefined") waiting.set(id, [traces, more]);
+  else Plotly.react(id, traces, layout(more), CONFIG);
 }
+
+document.addEventListener("DOMContentLoaded", () => {
+  for (const [id, [traces, more]] of waiting) draw(id, traces, more);
+});
