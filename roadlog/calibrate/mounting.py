@@ -7,7 +7,7 @@ force goes with dv/dt, and to the left of it with v r.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +31,7 @@ DELAY_COST = 0.02  # coherence per s: on a circle a delay and a turn of the IMU 
 NEAR_DELAY = 0.12  # s, around the first answer, in which the delay is looked for again
 ROUNDS = 6  # of up and forward in turn; each reduces the error of up by more than a half
 MIN_MOVING = 10.0  # s
+MIN_DELAY = 20.0  # s of moving, below which the speed is taken to be on time
 UPRIGHT = np.radians(20.0)  # axes as they are may be vehicle axes when z is this near to up
 MAX_GRAVITY_ERROR = 0.1  # share of g by which the mean specific force may be off
 
@@ -95,7 +96,9 @@ def coarse(drive: Drive) -> Coarse:
             f"cannot calibrate: mean specific force is {size:.2f} m/s2 instead of {G:.2f}: check "
             f"unit and scale of the accelerometer"
         )
-    best = _forward(force, rate, speed, moving, up, DELAYS, drive)
+    tells_delay = moving.sum() >= MIN_DELAY * drive.rate
+    delays = DELAYS if tells_delay else np.zeros(1)
+    best = _forward(force, rate, speed, moving, up, delays, drive)
     for _ in range(ROUNDS):
         if best.coherence < COHERENCE:
             break
@@ -106,10 +109,10 @@ def coarse(drive: Drive) -> Coarse:
         rest = force - change[:, None] * x - across[:, None] * y
         up = _unit((rest * shifted[:, None])[moving].sum(axis=0))  # per meter: stops do not count
         best = _forward(force, rate, speed, moving, up, np.array([best.delay]), drive)
-    near: Floats = DELAYS[np.abs(DELAYS - best.delay) < NEAR_DELAY]
+    near: Floats = delays[np.abs(delays - best.delay) < NEAR_DELAY]
     best = _forward(force, rate, speed, moving, up, near, drive)
     if best.coherence >= COHERENCE and best.yaw_sd < YAW_SD:
-        return best
+        return best if tells_delay else replace(best, delay=np.nan)
     if up[2] < np.cos(UPRIGHT):
         raise EstimatorError(
             f"cannot calibrate: which way the IMU points does not show. Its horizontal "

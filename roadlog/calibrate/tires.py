@@ -25,7 +25,7 @@ LATERAL = 0.5  # m/s2 rms, without which steering says nothing of the tires
 RACK_SHARE = 0.2  # the rack's own give is in the understeer (section 10.5)
 SHEET_SHARE = 0.10  # of mass and axle distances that are only defaults
 WORTH = 0.3  # share; a slip gradient that uncertain gives no stiffness
-ARM_SD = 0.2  # m, of the rear axle's place: at one speed it looks like slip
+ARM_SD = 0.3  # m, of the rear axle's place: at one speed it looks like slip
 UNIT, SLIP_UNIT = "N/rad", "rad/(m/s2)"
 REAR, FRONT = "rear_cornering_stiffness", "front_cornering_stiffness"
 
