@@ -10,10 +10,13 @@ import numpy as np
 from roadlog.drive import stale_limit
 from roadlog.errors import LogReadError
 from roadlog.log import AngleTrack, DriveLog
-from roadlog.signals import ANGLES, TRUTH_TOPIC
+from roadlog.signals import ANGLES, DECELERATION, TRUTH_TOPIC
+from roadlog.storage import Table
 from roadlog.types import Bools, Floats
 
 DEFAULT_SKIP = 5.0  # s, filters converge
+HEADLAMP_DEG = (0.2, 0.5)  # deg, errors of the pitch that a headlamp forgives; Kim 2023, Table 2
+STOP_EVENT = "roadlog.v1.StopEvent"
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,24 @@ class AngleMetrics:
     mae_percent: float | None
     within_2sd: float | None
     nees: float | None
+
+
+@dataclass(frozen=True)
+class StopMetrics:
+    """How well the events at stops aim a headlamp: their pitch against the true one.
+
+    events: all of them. compared: valid ones whose true pitch is known. within_*: share of those
+    whose error is below 0.2 and 0.5 deg. bias_deg: mean error, or what was subtracted.
+    converged_after: compared events until the running mean stays within 0.2 deg; None: never.
+    """
+
+    events: int
+    compared: int
+    bias_deg: float | None
+    std_deg: float | None
+    within_02_deg: float | None
+    within_05_deg: float | None
+    converged_after: int | None
 
 
 @dataclass(frozen=True)
@@ -83,6 +104,46 @@ def evaluate(
             if (errors := angle_errors(estimate, truth, angle, skip)) is not None
         }
     return result
+
+
+def stop_metrics(log: DriveLog, remove_offset: bool = False) -> dict[str, StopMetrics]:
+    """Headlamp report of every estimate that has events at stops: estimator -> metrics."""
+    truth = log.truth()
+    tables = {name: log.detail(name, "events") for name in log.estimators}
+    return {
+        name: _stop_metrics(table, truth, remove_offset)
+        for name, table in tables.items()
+        if truth is not None and table is not None and table.schema == STOP_EVENT and len(table)
+    }
+
+
+def _stop_metrics(events: Table, truth: AngleTrack, remove_offset: bool) -> StopMetrics:
+    c = events.columns
+    # a body rocks after it stops: its pitch counts at the end of the stop, where it rests
+    rest = np.where(c["kind"] == DECELERATION, c["standstill"], 0.0)
+    time = (events.time - truth.time[0]) * 1e-9 + np.nan_to_num(rest)
+    own = _seconds(truth, truth)
+    known = truth.angles.get("pitch", np.full(len(own), np.nan))
+    true = np.interp(time, own, np.where(truth.valid, known, np.nan), np.nan, np.nan)
+    error = np.degrees(c["pitch"] - true)
+    used = np.asarray(c["valid"], np.bool_) & np.isfinite(error)
+    n = int(used.sum())
+    if n == 0:
+        return StopMetrics(len(events), 0, *[None] * 5)
+    bias = float(error[used].mean())
+    offset = bias if remove_offset else 0.0
+    size = np.abs(error[used] - offset)
+    off = np.abs(np.degrees(c["pitch_mean"] - true)[used] - offset) > HEADLAMP_DEG[0]
+    last = int(np.flatnonzero(off)[-1]) + 1 if off.any() else 0
+    return StopMetrics(
+        events=len(events),
+        compared=n,
+        bias_deg=bias,
+        std_deg=float(error[used].std()),
+        within_02_deg=float((size <= HEADLAMP_DEG[0]).mean()),
+        within_05_deg=float((size <= HEADLAMP_DEG[1]).mean()),
+        converged_after=None if last == n else last + 1,
+    )
 
 
 def angle_errors(
@@ -157,9 +218,15 @@ def angle_metrics(errors: AngleErrors, angle: str, remove_offset: bool = False) 
 
 
 def to_json(
-    log: DriveLog, metrics: dict[str, dict[str, AngleMetrics]], remove_offset: bool = False
+    log: DriveLog,
+    metrics: dict[str, dict[str, AngleMetrics]],
+    remove_offset: bool = False,
+    stops: dict[str, StopMetrics] | None = None,
 ) -> dict[str, Any]:
-    """The object that `roadlog evaluate --json` prints (design section 7)."""
+    """The object that `roadlog evaluate --json` prints (design section 7).
+
+    stops: the headlamp report, there when an estimate has events at stops.
+    """
     result: dict[str, Any] = {
         "log": str(log.path),
         "estimates": {
@@ -167,6 +234,8 @@ def to_json(
             for name, angles in metrics.items()
         },
     }
+    if stops:
+        result["stops"] = {name: asdict(values) for name, values in stops.items()}
     if remove_offset:
         result["remove_offset"] = True
     return result

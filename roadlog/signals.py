@@ -27,6 +27,8 @@ FLAGS = {
     "powertrain": 1024,  # gear or torque unknown
 }
 
+DECELERATION, ACCELERATION = 1, 2  # roadlog.v1.StopEvent.Kind
+
 
 @dataclass(frozen=True)
 class Signal:

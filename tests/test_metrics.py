@@ -5,8 +5,17 @@ import pytest
 from conftest import EPOCH_NS, hill_tables
 
 from roadlog.errors import LogReadError
-from roadlog.log import AngleTrack, create
-from roadlog.metrics import angle_errors, angle_metrics, evaluate
+from roadlog.log import AngleTrack, DriveLog, create
+from roadlog.metrics import (
+    STOP_EVENT,
+    angle_errors,
+    angle_metrics,
+    evaluate,
+    stop_metrics,
+    to_json,
+)
+from roadlog.signals import ANGLES, ANGLES_SCHEMA, DECELERATION, TRUTH_TOPIC
+from roadlog.storage import Table
 
 
 def track(t: np.ndarray, grade: np.ndarray, sd: float = np.nan, valid=None) -> AngleTrack:
@@ -86,3 +95,44 @@ def test_log_without_truth_or_estimate_is_explained(tmp_path: Path) -> None:
     log = create(tmp_path / "no_estimate.mcap", hill_tables(5.0))
     with pytest.raises(LogReadError, match="run `roadlog estimate"):
         evaluate(log)
+
+
+def stops_log(path: Path, pitch_deg: list[float]) -> DriveLog:
+    """Events every 10 s of a body at 1 deg that still rocks when it has just stopped."""
+    t = np.arange(0, 10 * len(pitch_deg) + 20, 0.1)
+    time = EPOCH_NS + np.round(t * 1e9).astype(np.int64)
+    rocking = np.radians(1.0 + np.where(t % 10 < 1, 0.7, 0.0))
+    angles = {f"{a}{end}": np.full(len(t), np.nan) for a in ANGLES for end in ("", "_sd")}
+    angles |= {"flags": np.zeros(len(t), np.uint32), "valid": np.ones(len(t), np.bool_)}
+    n = len(pitch_deg)
+    pitch = np.radians(pitch_deg)
+    events = {
+        "kind": np.full(n, DECELERATION, np.int32),
+        "pitch": pitch,
+        "pitch_mean": np.cumsum(pitch) / np.arange(1, n + 1),
+        "standstill": np.full(n, 5.0),
+        "flags": np.zeros(n, np.uint32),
+        "valid": np.arange(n) != 1,  # the second one does not count
+    }
+    at = EPOCH_NS + np.arange(n) * 10 * 10**9
+    tables = [
+        Table(TRUTH_TOPIC, ANGLES_SCHEMA, time, angles | {"pitch": rocking}),
+        Table("/estimates/static_slope/angles", ANGLES_SCHEMA, time, angles),
+        Table("/estimates/static_slope/events", STOP_EVENT, at, events),
+    ]
+    return create(path, tables)
+
+
+def test_events_at_stops_are_held_to_the_body_at_rest(tmp_path: Path) -> None:
+    log = stops_log(tmp_path / "stops.mcap", [1.6, 9.0, 1.3, 1.0, 0.9])
+    found = stop_metrics(log)["static_slope"]
+    assert (found.events, found.compared) == (5, 4)
+    assert found.bias_deg == pytest.approx(0.2)
+    assert found.within_02_deg == pytest.approx(0.5)
+    assert found.within_05_deg == pytest.approx(0.75)
+    assert found.converged_after is None  # the mean is still 1.8 deg off
+    near = stops_log(tmp_path / "near.mcap", [1.6, 1.0, 0.9, 1.0])
+    assert stop_metrics(near)["static_slope"].converged_after == 2
+    without = stop_metrics(near, remove_offset=True)["static_slope"]
+    assert without.within_05_deg == 1.0
+    assert to_json(near, {}, stops={"static_slope": found})["stops"]["static_slope"]["events"] == 5

@@ -12,7 +12,7 @@ import typer
 from roadlog.cli import console
 
 if TYPE_CHECKING:
-    from roadlog.metrics import AngleMetrics
+    from roadlog.metrics import AngleMetrics, StopMetrics
 
 Metrics = dict[str, dict[str, "AngleMetrics"]]
 
@@ -43,17 +43,24 @@ def evaluate(
     from roadlog.log import DriveLog
 
     results: list[tuple[DriveLog, Metrics]] = []
+    stops: list[dict[str, StopMetrics]] = []
     for path in logs:
         log = DriveLog(path, profile)
         results.append((log, metrics.evaluate(log, skip, remove_offset)))
+        stops.append(metrics.stop_metrics(log, remove_offset))
     if csv is not None:
         _write_csv(csv, [(str(log.path), values) for log, values in results])
     if as_json:
-        documents = [metrics.to_json(log, values, remove_offset) for log, values in results]
+        documents = [
+            metrics.to_json(log, values, remove_offset, at_stops)
+            for (log, values), at_stops in zip(results, stops, strict=True)
+        ]
         console.print_json(documents[0] if len(documents) == 1 else documents)
     else:
-        for log, values in results:
+        for (log, values), at_stops in zip(results, stops, strict=True):
             _print(str(log.path), values, remove_offset)
+            for name, m in at_stops.items():
+                console.say(_at_stops(name, m))
     console.warn_losses([f"{log.path}: {loss}" for log, _ in results for loss in log.losses])
 
 
@@ -82,6 +89,21 @@ def _print(log: str, values: Metrics, remove_offset: bool) -> None:
         default=0.0,
     )
     console.complain(f"compared at up to {samples} truth samples; at least {matched:.0%} matched")
+
+
+def _at_stops(name: str, m: StopMetrics) -> str:
+    """The headlamp report of one estimator."""
+    text = f"{name}: pitch at {m.compared} of {m.events} events"
+    if not m.compared:
+        return f"{text}: none to compare"
+    if m.converged_after is None:
+        mean = "the running mean does not stay within 0.2 deg"
+    else:
+        mean = f"the running mean stays within 0.2 deg from event {m.converged_after} on"
+    return (
+        f"{text}: {_percent(m.within_02_deg)} within 0.2 deg, {_percent(m.within_05_deg)} within "
+        f"0.5 deg of the true one; {mean}"
+    )
 
 
 def _ranked(values: Metrics) -> list[tuple[str, str, AngleMetrics]]:

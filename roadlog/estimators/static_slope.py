@@ -14,8 +14,6 @@ from roadlog.drive import Drive, static_mask
 from roadlog.estimate import Detail, Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag
 from roadlog.estimators.stop_windows import (
-    ACCELERATION,
-    DECELERATION,
     Event,
     StaticSlopeParameters,
     Stop,
@@ -24,6 +22,7 @@ from roadlog.estimators.stop_windows import (
     running_mean,
 )
 from roadlog.filters import Engine
+from roadlog.signals import ACCELERATION, DECELERATION
 from roadlog.types import Floats
 from roadlog.vehicle import Vehicle
 

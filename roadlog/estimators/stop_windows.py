@@ -14,11 +14,10 @@ from roadlog.drive import Drive, runs
 from roadlog.estimators.base import parameter
 from roadlog.filters import Engine
 from roadlog.filters.strapdown import Path, attitude, dead_reckon, to_navigation
-from roadlog.signals import FLAGS
+from roadlog.signals import ACCELERATION, DECELERATION, FLAGS
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
-DECELERATION, ACCELERATION = 1, 2  # roadlog.v1.StopEvent.Kind
 START_RATE = 0.07  # s, half of the mean that gives the rate at a stop; 3.8, step 3
 NOISE_MARGIN = 4.0  # standard deviations of white noise that a steady stop may show besides
 VOID = FLAGS["missing"] | FLAGS["excitation"] | FLAGS["standstill"]  # the window has no end

@@ -10,12 +10,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators import run as run_estimator
 from roadlog.filters.strapdown import attitude, dead_reckon
 from roadlog.reproduce import Claim, Reproduction, ResultTable, Row
+from roadlog.signals import ACCELERATION, TRUTH_TOPIC
 from roadlog.simulate import Simulation, simulate
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
@@ -33,6 +35,11 @@ ACCELERATIONS = (1, 2, 3)  # m/s2
 SEEDS = 4  # of 100 events: the spread of 400 events is known to 4 %
 DRIVES = 8
 LOADS_DEG = (0.3, 1.2)
+SPRINGS = float(np.radians(0.14))  # rad/(m/s2), body pitch of the test road's car
+# the full car: drives (scenario, seed), and two loads that pitch it by about 0.2 and 1.1 deg
+FULL_DRIVES = (("kim2023-urban", 1), ("kim2023-urban", 2), ("city", 1), ("city", 2))
+FULL_LOADS = ("family", "trunk")
+FULL_MEAN, FULL_CHANGE = 0.1, 0.05  # deg, what the errors of mean and change should stay below
 
 # Section 3.12
 _BIAS_INCLINATION = {-1: -5.82, -0.6: -3.50, -0.2: -1.17, 0: 0.0, 0.2: 1.17, 0.6: 3.50, 1: 5.82}
@@ -55,6 +62,7 @@ _TABLE_2 = {  # method -> paper's and documented |mean error| at the two loads, 
 class Events:
     """Valid events of some drives, degrees."""
 
+    kind: NDArray  # DECELERATION or ACCELERATION
     pitch: Floats
     grade: Floats
     inclination: Floats
@@ -67,13 +75,14 @@ class Events:
 
 
 def run() -> Reproduction:
-    """Every table and claim of the chapter that needs no full car."""
+    """Every table and claim of the chapter, and its urban drive on the full car."""
     bias, bias_worst = _bias_grid()
     noise, spreads, inclination = _noise_grid()
     control, control_spread = _control_variables()
     distance = _distances()
     road, road_claims = _test_road()
     urban, errors = _urban()
+    full_car, full_claim = _full_car()
     direction, reverse, forward = _directions()
     formula_off = max(abs(now / formula - 1) for now, formula in spreads.values())
     ratios = [s / control_spread[0] for s in control_spread]
@@ -114,13 +123,13 @@ def run() -> Reproduction:
         *road_claims,
         Claim(
             "urban drive: mean error at or below the paper's 0.04 / 0.11 deg",
-            abs(full[0].mean()) <= 0.04 and abs(full[1].mean()) <= 0.11,
+            bool(abs(full[0].mean()) <= 0.04 and abs(full[1].mean()) <= 0.11),
             " / ".join(f"{e.mean():+.3f}" for e in full) + " deg",
         ),
         Claim(
             "urban drive: ahead of both baselines (mean over the drives, both loads)",
             all(
-                abs(full[k].mean()) < abs(errors[name][k].mean())
+                bool(abs(full[k].mean()) < abs(errors[name][k].mean()))
                 for name in ("kasaba", "grade_pitch_ekf")
                 for k in range(len(LOADS_DEG))
             ),
@@ -129,14 +138,16 @@ def run() -> Reproduction:
                 for name, both in errors.items()
             ),
         ),
+        full_claim,
         Claim(
             "integrating back from a stop beats integrating forward from the one before",
-            reverse.std() < 0.2 * forward.std(),
+            bool(reverse.std() < 0.2 * forward.std()),
             f"reverse {reverse.mean():+.3f} +- {reverse.std():.3f}, "
             f"forward {forward.mean():+.2f} +- {forward.std():.2f} deg",
         ),
     ]
-    return Reproduction("kim2023", [bias, noise, control, distance, road, urban, direction], claims)
+    tables = [bias, noise, control, distance, road, urban, full_car, direction]
+    return Reproduction("kim2023", tables, claims)
 
 
 def motions(
@@ -150,10 +161,11 @@ def motions(
         result = run_estimator("static_slope", drive, simulation.vehicle, settings)
         columns = result.details["events"].columns
         valid = columns["valid"]
-        parts.append([np.degrees(columns[n][valid]) for n in ("pitch", "grade", "inclination")])
+        angles = [np.degrees(columns[n][valid]) for n in ("pitch", "grade", "inclination")]
+        parts.append([columns["kind"][valid], *angles])
         predicted.append(np.degrees(columns["pitch_sd"][valid]).mean())
-    pitch, grade, inclination = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Events(pitch, grade, inclination, float(np.mean(predicted)))
+    kind, pitch, grade, inclination = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return Events(kind, pitch, grade, inclination, float(np.mean(predicted)))
 
 
 def _simulated(name: str, seed: int, overrides: Mapping[str, Any]) -> tuple[Drive, Simulation]:
@@ -236,26 +248,31 @@ def _distances() -> ResultTable:
 
 
 def _test_road() -> tuple[ResultTable, list[Claim]]:
-    """Figs 21 and 23: a body on springs, IMU 1.9 m ahead; steep ramps."""
+    """Figs 21 and 23: a body on springs, IMU 1.9 m ahead; steep ramps.
+
+    Fig 21 is of accelerations: after a stop the body still rocks, and where on its way the paper's
+    alignment begins is chance (3.8). The paper has no chord test; it would reject these windows.
+    """
     rows = []
     means: dict[tuple[str, int], float] = {}
-    body: dict[str, Any] = {"gradient": float(np.radians(0.15)), "imu.position": [1.9, 0.0, 0.0]}
+    body: dict[str, Any] = {"gradient": SPRINGS, "imu.position": [1.9, 0.0, 0.0]}
     body["gyro_noise"] = float(np.radians(0.01))
     documented = {("paper", 1): -0.14, ("paper", 3): -0.31, ("full", 1): -0.03, ("full", 3): -0.005}
     for align in ("paper", "full"):
         for a in ACCELERATIONS:
-            found = motions(_cell(a, **body), {"align": align}, SEEDS)
+            found = motions(_cell(a, **body), {"align": align, "chord_max": 0.1}, SEEDS)
+            pitch = found.pitch[found.kind == ACCELERATION]
             case = f"Fig 21: {a} m/s2, align {align}"
-            means[align, a] = float(found.pitch.mean())
+            means[align, a] = float(pitch.mean())
             expected = documented.get((align, a))
             rows.append(Row(case, "pitch, mean error", "deg", None, expected, means[align, a]))
-            rows.append(Row(case, "pitch, spread", "deg", None, None, found.spread))
+            rows.append(Row(case, "pitch, spread", "deg", None, None, float(pitch.std(ddof=1))))
     ramps = {}
     for percent in (-15, 15):
-        springs = {"gradient": float(np.radians(0.14)), "road.grade": percent / 100}
+        springs = {"gradient": SPRINGS, "road.grade": percent / 100}
         found = motions(_cell(**springs), {"align": "full"}, SEEDS)
         ramps[percent] = float(found.pitch.mean())
-        true = float(0.14 * G * np.sin(np.arctan(percent / 100)))
+        true = float(np.degrees(SPRINGS) * G * np.sin(np.arctan(percent / 100)))
         case = f"Fig 23: ramp of {percent:+d} %"
         paper = 0.2 * np.sign(percent)
         rows.append(Row(case, "pitch by gravity on the ramp", "deg", paper, true, ramps[percent]))
@@ -267,37 +284,39 @@ def _test_road() -> tuple[ResultTable, list[Claim]]:
         ),
         Claim(
             "a ramp of 15 % pitches the body by 0.2 deg, with the sign of the ramp",
-            all(abs(ramps[p] - 0.204 * np.sign(p)) < 0.03 for p in ramps),
+            bool(all(abs(ramps[p] - 0.204 * np.sign(p)) < 0.03 for p in ramps)),
             ", ".join(f"{p:+d} %: {value:+.3f} deg" for p, value in ramps.items()),
         ),
     ]
     return ResultTable("test road", rows), claims
 
 
+_METHODS: dict[str, tuple[str, dict[str, Any]]] = {
+    "static_slope, full": ("static_slope", {"align": "full"}),
+    "static_slope, paper": ("static_slope", {"align": "paper"}),
+    "kasaba": ("kasaba", {}),
+    "grade_pitch_ekf": ("grade_pitch_ekf", {}),
+}
+
+
 def _urban() -> tuple[ResultTable, dict[str, tuple[Floats, ...]]]:
     """Table 2: the table, and method -> errors of the drives per load, deg."""
-    methods: dict[str, tuple[str, dict[str, Any]]] = {
-        "static_slope, full": ("static_slope", {"align": "full"}),
-        "static_slope, paper": ("static_slope", {"align": "paper"}),
-        "kasaba": ("kasaba", {}),
-        "grade_pitch_ekf": ("grade_pitch_ekf", {}),
-    }
     rows = []
-    errors: dict[str, tuple[Floats, ...]] = dict.fromkeys(methods, ())
+    errors: dict[str, tuple[Floats, ...]] = dict.fromkeys(_METHODS, ())
     for k, load in enumerate(LOADS_DEG):
-        found: dict[str, list[float]] = {name: [] for name in methods}
-        spread: dict[str, list[float]] = {name: [] for name in methods}
+        found: dict[str, list[float]] = {name: [] for name in _METHODS}
+        spread: dict[str, list[float]] = {name: [] for name in _METHODS}
         for seed in range(1, DRIVES + 1):
             overrides = {"straight.load": float(np.radians(load))}
             drive, simulation = _simulated("kim2023-urban", seed, overrides)
-            for name, (estimator, settings) in methods.items():
+            for name, (estimator, settings) in _METHODS.items():
                 result = run_estimator(estimator, drive, simulation.vehicle, settings)
                 found[name].append(final_deg(result) - load)
                 if estimator == "static_slope":
                     columns = result.details["events"].columns
                     pitch = columns["pitch"][columns["valid"]]
                     spread[name].append(float(np.degrees(pitch.std(ddof=1))))
-        for name in methods:
+        for name in _METHODS:
             error = np.array(found[name])
             errors[name] += (error,)
             paper, documented = (values[k] for values in _TABLE_2[name])
@@ -310,6 +329,55 @@ def _urban() -> tuple[ResultTable, dict[str, tuple[Floats, ...]]]:
                 expected = 0.16 if name.endswith("full") else 0.46
                 rows.append(Row(case, "spread of the events", "deg", None, expected, mean))
     return ResultTable(f"Table 2: urban drive, {DRIVES} drives", rows), errors
+
+
+def _full_car() -> tuple[ResultTable, Claim]:
+    """The same on the full car: it rocks on springs and tires, brakes hold it, loads tilt it.
+
+    Against the mean true pitch of the standing car; the IMU is mounted straight.
+    """
+    straight = {"misalignment_deg": [0.0, 0.0, 0.0]}
+    errors: dict[tuple[str, str, str], list[float]] = {}
+    changes: dict[tuple[str, str], list[float]] = {}
+    for scenario, seed in FULL_DRIVES:
+        found: dict[str, list[float]] = {name: [] for name in _METHODS}
+        for load in FULL_LOADS:
+            simulation = simulate(scenario, seed=seed, full=True, load=load, overrides=straight)
+            drive = Drive.from_tables(simulation.tables)
+            table = simulation.table(TRUTH_TOPIC)
+            pitch = np.interp(drive.time_ns, table.time, table.columns["pitch"])
+            true = float(np.degrees(pitch[drive.standstill].mean()))
+            for name, (estimator, settings) in _METHODS.items():
+                result = run_estimator(estimator, drive, simulation.vehicle, settings)
+                error = final_deg(result) - true
+                errors.setdefault((scenario, load, name), []).append(error)
+                found[name].append(error)
+        for name, (first, second) in found.items():
+            changes.setdefault((scenario, name), []).append(second - first)
+    rows = [
+        Row(f"{scenario} --full, {load}, {name}", "mean error", "deg", None, None, _mean(values))
+        for (scenario, load, name), values in errors.items()
+    ]
+    rows += [
+        Row(f"{scenario} --full, {name}", "error of the change", "deg", None, None, _mean(values))
+        for (scenario, name), values in changes.items()
+    ]
+    name = next(iter(_METHODS))
+    means = [abs(np.mean(values)) for key, values in errors.items() if key[2] == name]
+    moves = [abs(np.mean(values)) for key, values in changes.items() if key[1] == name]
+    claim = Claim(
+        f"full car: mean error below {FULL_MEAN} deg, change between the loads within "
+        f"{FULL_CHANGE} deg",
+        bool(max(means) < FULL_MEAN and max(moves) < FULL_CHANGE),
+        f"means up to {max(means):.3f}, changes up to {max(moves):.3f} deg",
+    )
+    title = f"full car, loads {' and '.join(FULL_LOADS)}, 2 drives each"
+    return ResultTable(title, rows), claim
+
+
+def _mean(values: list[float]) -> float | None:
+    """None where a drive gave no pitch at all."""
+    return float(np.mean(values)) if np.isfinite(values).all() else None
 
 
 def final_deg(result: Estimate) -> float:
