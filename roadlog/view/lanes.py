@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadlog.drive import runs
-from roadlog.estimators.stop_windows import ACCELERATION, DECELERATION
-from roadlog.signals import estimate_topic
+from roadlog.signals import ACCELERATION, DECELERATION, estimate_topic
 from roadlog.types import Bools, Floats
 from roadlog.view.runs import EVENTS, Run
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roadlog.estimators.stop_windows import DECELERATION
-from roadlog.signals import FLAGS, estimate_topic
+from roadlog.signals import DECELERATION, FLAGS, estimate_topic
 from roadlog.storage import Table
 from roadlog.types import Floats
 from roadlog.view.colors import estimator
