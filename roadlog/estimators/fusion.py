@@ -123,6 +123,9 @@ CONSTANTS = {
 class FusionParameters:
     """Fusion chapter, sections 3 (priors), 5 (process) and 6 (rows), unless said."""
 
+    smooth: bool = parameter(
+        True, "", "look ahead; without, each sample is of the past alone, but for the noise levels"
+    )
     accel_bias_sd: float = parameter(0.05, "m/s2", "prior, x and y; z twice that")
     gyro_bias_sd: float = parameter(0.3 * DEG, "rad/s", "prior, per axis")
     mounting_sd: float = parameter(
@@ -170,8 +173,8 @@ def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Eng
         know_torque(mean, P0, *torque)
     steps.starts[:] += mean
     noise = noise_of(steps, vehicle, params, drive)
-    result = smooth(steps, noise, P0, 1, engine)
-    if np.abs(result.x_end[[MTHETA, MPSI]]).max() > SMALL_MOUNTING:
+    result = smooth(steps, noise, P0, 1, engine, params.smooth)
+    if params.smooth and np.abs(result.x_end[[MTHETA, MPSI]]).max() > SMALL_MOUNTING:
         result = smooth(steps, noise, P0, MAX_PASSES, engine)
     angles, variance = _angles(result, steps, P0, params)
     time = grid(drive)
@@ -322,8 +325,9 @@ def _angles(
     pitch = x[:, KTHETA] * s[:, FORWARD] + x[:, KSIDE] * s[:, UNSIGNED] + s[:, NOSE] + x[:, EP]
     roll = x[:, KPHI] * s[:, LATERAL] + s[:, LEAN] + x[:, ER]
     inclination, roll_total = x[:, THETA] - x[:, MTHETA], x[:, PHI] - x[:, MPHI]
-    grade = _slow(inclination - pitch, steps.alive)
-    bank = _slow(roll_total - roll, steps.alive)
+    grade, bank = inclination - pitch, roll_total - roll
+    if params.smooth:
+        grade, bank = _slow(grade, steps.alive), _slow(bank, steps.alive)
     load, mounting = params.load_pitch_sd**2, P0[MTHETA, MTHETA]
     share = load / (load + mounting)
     angles = {

@@ -19,7 +19,7 @@ from roadlog.types import Floats
 
 
 def rauch_tung_striebel(
-    steps: Steps, noise: Noise, P0: Floats, at: Floats
+    steps: Steps, noise: Noise, P0: Floats, at: Floats, look_ahead: bool
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """The fields of `Smoothed`; the arguments are those of the compiled engine."""
 
@@ -51,7 +51,9 @@ def rauch_tung_striebel(
         filtered.append((kf.x[:, 0].copy(), kf.P.copy()))
     x, P = filtered[-1]
     for i in range(len(runs) - 1, -1, -1):
-        if i < len(runs) - 1:
+        if not look_ahead:
+            x, P = filtered[i]
+        elif i < len(runs) - 1:
             (x_filtered, P_filtered), (x_prior, P_prior) = filtered[i], priors[i + 1]
             scale = 1 / np.sqrt(np.diag(P_prior))
             scaled = P_prior * scale[:, None] * scale

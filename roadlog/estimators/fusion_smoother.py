@@ -53,10 +53,11 @@ OFFSETS = np.array([BA, BA + 1, MPHI, MTHETA])  # what shifts a whole grade or b
 
 @dataclass(frozen=True)
 class Smoothed:
-    """x (n, 29): smoothed states, NaN where the IMU is missing. variance (n, 6): rad2, of the
-    outputs, at every tenth of a second and the ends of a run of the IMU, NaN elsewhere.
-    shape_variance (n, 2): of grade and bank if the OFFSETS were known. x_end, P_end: states and
-    covariance after the last step; for the constants, of the whole drive.
+    """x (n, 29): smoothed states, or the filter's own; NaN where the IMU is missing.
+
+    variance (n, 6): rad2, of the outputs, at every tenth of a second and the ends of a run of the
+    IMU, NaN elsewhere. shape_variance (n, 2): of grade and bank if the OFFSETS were known. x_end,
+    P_end: states and covariance after the last step; for the constants, of the whole drive.
     """
 
     x: Floats
@@ -67,12 +68,17 @@ class Smoothed:
 
 
 def smooth(
-    steps: Steps, noise: Noise, P0: Floats, passes: int = 1, engine: Engine = "compiled"
+    steps: Steps,
+    noise: Noise,
+    P0: Floats,
+    passes: int = 1,
+    engine: Engine = "compiled",
+    look_ahead: bool = True,
 ) -> Smoothed:
     """All states from all measurements. P0 (29, 29): before the first step.
 
     passes: every pass after the first one linearises at the result of the one before (iterated
-    smoother).
+    smoother). look_ahead: without it each step's states are the filter's, from the past alone.
     """
     if engine == "reference":
         from roadlog.estimators.fusion_reference import rauch_tung_striebel as run
@@ -80,7 +86,7 @@ def smooth(
         run = _bryson_frazier
     at = np.empty((0, N))  # empty: linearise at the filter's own states
     for _ in range(passes):
-        result = Smoothed(*run(steps, noise, P0, at))
+        result = Smoothed(*run(steps, noise, P0, at, look_ahead))
         at = result.x
     return result
 
@@ -284,7 +290,7 @@ def _forward(
 
 @njit(cache=True)
 def _bryson_frazier(
-    steps: Steps, noise: Noise, P0: Floats, at: Floats
+    steps: Steps, noise: Noise, P0: Floats, at: Floats, look_ahead: bool
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Forward over all steps, then back piece by piece with the adjoint (l, L) (Bierman 1973).
 
@@ -326,6 +332,8 @@ def _bryson_frazier(
                     xs[k, i] -= piece.P[m, i, j] * adjoint[j]
             if is_reported(k, steps, noise):
                 _variances(piece.P[m], L, steps.sway[k], variance[k], shape_variance[k])
+            if not look_ahead:
+                continue  # with l = L = 0 these are the filter's own
             for i in range(piece.used[m] - 1, -1, -1):
                 _row_back(
                     adjoint,

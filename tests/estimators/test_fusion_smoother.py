@@ -43,20 +43,33 @@ def with_gap(steps: Steps) -> Steps:
     return steps._replace(alive=alive, start=start, starts=np.repeat(steps.starts, 2, axis=0))
 
 
-@pytest.mark.parametrize("passes", [1, 2])
+@pytest.mark.parametrize(("passes", "look_ahead"), [(1, True), (2, True), (1, False)])
 @pytest.mark.parametrize("gap", [False, True])
-def test_engines_agree(problem: tuple[Steps, Noise, Floats], gap: bool, passes: int) -> None:
+def test_engines_agree(
+    problem: tuple[Steps, Noise, Floats], gap: bool, passes: int, look_ahead: bool
+) -> None:
     steps, noise, P0 = problem
     if gap:
         steps = with_gap(steps)
     steps.speed[60] += 3.0  # an outlier: the soft weight must agree as well
-    compiled = smooth(steps, noise, P0, passes)
-    reference = smooth(steps, noise, P0, passes, engine="reference")
+    compiled = smooth(steps, noise, P0, passes, "compiled", look_ahead)
+    reference = smooth(steps, noise, P0, passes, "reference", look_ahead)
     for name in ("x", "variance", "shape_variance", "x_end", "P_end"):
         np.testing.assert_allclose(
             getattr(compiled, name), getattr(reference, name), atol=1e-7, err_msg=name
         )
     np.testing.assert_allclose(compiled.variance, reference.variance, rtol=1e-7)
+
+
+def test_without_looking_ahead_the_future_changes_nothing(
+    problem: tuple[Steps, Noise, Floats],
+) -> None:
+    steps, noise, P0 = problem
+    before = smooth(steps, noise, P0, look_ahead=False)
+    steps.speed[200:] += 5.0
+    after = smooth(steps, noise, P0, look_ahead=False)
+    np.testing.assert_array_equal(after.x[:200], before.x[:200])
+    assert np.abs(after.x[200:] - before.x[200:]).max() > 0.1
 
 
 def test_equals_the_dense_batch_solution(problem: tuple[Steps, Noise, Floats]) -> None:
