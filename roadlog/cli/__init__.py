@@ -49,6 +49,7 @@ def _register() -> None:
     from roadlog.cli.estimate import estimate
     from roadlog.cli.estimators import estimators
     from roadlog.cli.evaluate import evaluate
+    from roadlog.cli.export import export
     from roadlog.cli.info import info
     from roadlog.cli.ingest import ingest
     from roadlog.cli.plot import plot
@@ -58,7 +59,7 @@ def _register() -> None:
     from roadlog.cli.simulate import scenarios, simulate
     from roadlog.cli.view import view
 
-    using = (ingest, info, calibrate, estimate, evaluate, view, plot, report)
+    using = (ingest, info, calibrate, estimate, evaluate, view, plot, report, export)
     making = (simulate, scenarios, estimators, reproduce, profiles, demo, doctor)
     for command in (*using, *making):
         app.command()(command)

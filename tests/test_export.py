@@ -1,0 +1,88 @@
+"""`roadlog export`: round trips to the bit, chosen signals, the common grid."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+from conftest import EPOCH_NS, hill_tables, table
+
+from roadlog.errors import ConfigError
+from roadlog.export import export
+from roadlog.ingest import ingest
+from roadlog.log import DriveLog, create
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """Hills, and a 10 Hz GNSS with odd stamps whose values have all their digits."""
+    chance = np.random.default_rng(4)
+    time = EPOCH_NS + np.cumsum(chance.integers(90_000_000, 110_000_000, 600))
+    gnss = {name: chance.normal(47, 1, 600) for name in ("latitude", "altitude", "speed")}
+    gnss["altitude"][chance.random(600) < 0.2] = np.nan
+    path = tmp_path_factory.mktemp("export") / "drive.mcap"
+    create(path, [*hill_tables(), table("gnss", time, gnss)])
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_a_log_comes_back_to_the_bit(log, tmp_path, suffix):
+    if suffix == ".parquet":
+        pytest.importorskip("pyarrow")
+    out = tmp_path / f"drive{suffix}"
+    rows, columns, losses = export(log, out)
+    assert losses == []
+    assert rows == len({int(t) for x in DriveLog(log).tables().values() for t in x.time})
+    assert {"imu.accel_x", "gnss.altitude", "truth.grade"} <= {c.name for c in columns}
+    back = {t.topic: t for t in ingest([out]).tables}  # the roadlog profile is found by itself
+    for topic, original in DriveLog(log).tables().items():
+        np.testing.assert_array_equal(back[topic].time, original.time)
+        for name, values in original.columns.items():
+            np.testing.assert_array_equal(back[topic].columns[name], values, err_msg=name)
+
+
+def test_roles_and_topics_choose(log, tmp_path):
+    out = tmp_path / "x.csv"
+    export(log, out, topics=["/gnss"], roles=["imu.accel_x"])
+    with out.open() as file:
+        head = next(csv.reader(file))
+    assert head == ["time_ns", "gnss.latitude", "gnss.altitude", "gnss.speed", "imu.accel_x"]
+    with pytest.raises(ConfigError, match=r"no topic '/gns'. Close: /gnss"):
+        export(log, out, topics=["/gns"])
+    with pytest.raises(ConfigError, match=r"does not know fuel\.sender"):
+        export(log, out, roles=["fuel.sender"])
+    with pytest.raises(ConfigError, match=r"ends in \.csv or \.parquet"):
+        export(log, tmp_path / "x.xlsx")
+
+
+def test_a_grid_is_what_estimators_see(log, tmp_path):
+    out = tmp_path / "grid.csv"
+    rows, _, _ = export(log, out, roles=["imu.accel_x", "gnss.speed"], rate=20.0)
+    drive = DriveLog(log).drive(20.0)
+    data = np.genfromtxt(out, delimiter=",", names=True)
+    assert rows == len(data) == len(drive)
+    for name, role in (("imuaccel_x", "imu.accel_x"), ("gnssspeed", "gnss.speed")):
+        np.testing.assert_allclose(data[name], drive[role], atol=1e-9, equal_nan=True)
+
+
+def test_two_messages_of_one_stamp_stay_two(tmp_path):
+    time = EPOCH_NS + np.array([0, 1, 1, 2]) * 10**8
+    create(tmp_path / "x.mcap", [table("speed", time, {"v": np.arange(4.0)})])
+    rows, _, _ = export(tmp_path / "x.mcap", tmp_path / "x.csv")
+    assert rows == 4
+    assert (tmp_path / "x.csv").read_text().splitlines()[2:4] == [
+        f"{EPOCH_NS + 10**8},1.0",
+        f"{EPOCH_NS + 10**8},2.0",
+    ]
+
+
+def test_a_failed_export_leaves_the_old_file(roadlog, log, tmp_path):
+    out = tmp_path / "x.csv"
+    out.write_text("precious")
+    failed = roadlog("export", log, "-o", out, "--topics", "/gone")
+    assert failed.returncode == 1
+    assert "no topic '/gone'" in failed.stderr
+    assert out.read_text() == "precious"
+    assert roadlog("export", log, "-o", out, "--topics", "/gnss,/imu", "--rate", 10).returncode == 0
+    assert out.read_text().startswith("time_ns,gnss.latitude")
