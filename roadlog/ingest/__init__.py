@@ -17,6 +17,8 @@ from roadlog.ingest.mapping import Mapped
 from roadlog.ingest.profile import Profile, fitting, shipped
 from roadlog.signals import SECTIONS
 from roadlog.storage import Table
+from roadlog.storage.spool import blocks, release
+from roadlog.types import Stamps
 
 # in the order in which they are asked; each knows its sources by their content
 FORMATS = ("comma2k19", "kitti", "ros", "mcap", "mdf", "parquet", "obd", "can_trace", "csv")
@@ -204,8 +206,17 @@ def _backward(recording: Recording) -> list[str]:
     return [
         f"{frame.file}: {frame.name or 'the time column'} runs backward {steps} times; put in order"
         for frame in recording.frames
-        if (steps := int((frame.time[1:] < frame.time[:-1]).sum()))
+        if (steps := _steps_back(frame.time))
     ]
+
+
+def _steps_back(time: Stamps) -> int:
+    count = 0
+    for rows in blocks(len(time)):
+        part = time[max(rows.start - 1, 0) : rows.stop]
+        count += int((part[1:] < part[:-1]).sum())
+    release([time])
+    return count
 
 
 def _digests(paths: Sequence[Path]) -> dict[str, str]:

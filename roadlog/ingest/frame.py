@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from roadlog.storage.spool import concatenated
 from roadlog.types import Stamps
 
 
@@ -72,11 +73,11 @@ def joined(frames: Iterable[Frame]) -> list[Frame]:
 def _concatenated(group: list[Frame]) -> Frame:
     if len(group) == 1:
         return group[0]
-    time = np.concatenate([frame.time for frame in group])
+    time = concatenated([frame.time for frame in group])
 
     def column(name: str) -> NDArray:
         parts = [frame.columns[name] for frame in group]
-        return np.concatenate(parts) if any(p.strides != (0,) for p in parts) else absent(len(time))
+        return concatenated(parts) if any(p.strides != (0,) for p in parts) else absent(len(time))
 
     files = ", ".join(dict.fromkeys(frame.file for frame in group))
     columns = {name: column(name) for name in group[0].columns}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from roadlog.ingest.frame import Frame
 from roadlog.ingest.profile import AXES, AbsentError, Entry, Profile, find
 from roadlog.signals import SECTIONS, SIGNALS, Section
 from roadlog.storage import Table, schemas
+from roadlog.storage.spool import Spool, blocks, release
 from roadlog.types import Bools, Floats, Stamps
 from roadlog.units import to_si
 
@@ -85,10 +86,9 @@ def signals(profile: Profile, located: Sequence[Located]) -> tuple[Signals, list
         time, samples = _samples(entry, frame, column)
         section = entry.role.partition(".")[0]
         if section in SLOW_SECTIONS:
-            fresh = refreshed(time, samples)
-            time, samples = time[fresh], samples[fresh]
+            time, samples = _fresh(time, samples)
         found[entry.role] = time, samples
-        usable = int(np.isfinite(samples).sum())
+        usable = sum(int(np.isfinite(samples[rows]).sum()) for rows in blocks(len(samples)))
         place = f"{frame.name}.{column}" if frame.name else column
         unit = entry.unit or "-"
         mapped.append(Mapped(entry.role, place, frame.file, unit, usable, len(samples) - usable))
@@ -127,29 +127,56 @@ def tables(found: Signals) -> list[Table]:
 
 def _samples(entry: Entry, frame: Frame, column: str) -> tuple[Stamps, Floats]:
     """Stamps and SI values of one entry; NaN where invalid."""
-    raw = _numbers(frame.columns[column], entry.role)
     expected = SIGNALS[entry.role].unit
     factor = to_si(entry.unit, expected) if entry.unit else 1.0
-    values: Floats = (raw * entry.scale + entry.offset) * factor
-    values[~np.isfinite(values)] = np.nan
-    if entry.valid is not None:
-        if entry.valid.name not in frame.columns:
-            raise ConfigError(
-                f"{entry.role}: valid needs '{entry.valid.name}' in the same message as "
-                f"'{column}' ({', '.join(frame.columns)})"
-            )
-        values[~entry.valid.holds(_numbers(frame.columns[entry.valid.name], entry.role))] = np.nan
-    return frame.time - round(entry.delay * 1e9), values
+    if entry.valid is not None and entry.valid.name not in frame.columns:
+        raise ConfigError(
+            f"{entry.role}: valid needs '{entry.valid.name}' in the same message as "
+            f"'{column}' ({', '.join(frame.columns)})"
+        )
+    raw = frame.columns[column]
+    flag = None if entry.valid is None else frame.columns[entry.valid.name]
+    found = Spool(np.float64)
+    for rows in blocks(len(raw)):
+        values: Floats = (_numbers(raw[rows], entry.role) * entry.scale + entry.offset) * factor
+        values[~np.isfinite(values)] = np.nan
+        if entry.valid is not None and flag is not None:
+            values[~entry.valid.holds(_numbers(flag[rows], entry.role))] = np.nan
+        found.append(values)
+        release([raw] if flag is None else [raw, flag])
+    delay = round(entry.delay * 1e9)
+    time = frame.time
+    if delay:
+        late = Spool(np.int64)
+        for rows in blocks(len(time)):
+            late.append(time[rows] - delay)
+        time = late.column()
+    return time, found.column()
 
 
-def refreshed(time: Stamps, values: Floats) -> Bools:
+def _fresh(time: Stamps, values: Floats) -> tuple[Stamps, Floats]:
+    """The rows that bring a new value, block by block."""
+    stamps, kept = Spool(np.int64), Spool(np.float64)
+    before = np.nan
+    for rows in blocks(len(time)):
+        keep = refreshed(time[rows], values[rows], before)
+        stamps.append(time[rows][keep])
+        kept.append(values[rows][keep])
+        before = float(values[rows][-1])
+        release([time, values])
+    return stamps.column(), kept.column()
+
+
+def refreshed(time: Stamps, values: Floats, before: float = np.nan) -> Bools:
     """Which rows bring a new value, where a fast table repeats a slow device's last one.
+
+    before: the value before the first row.
 
     A phone writes its 1 Hz fix into every row of a 25 Hz table; taken as samples, these are steps
     with an infinite slope. Rows of a change are kept, and while nothing changes (standstill) one
     row for each typical interval between changes.
     """
-    changes = np.flatnonzero(np.diff(values, prepend=np.nan) != 0)
+    changes = np.flatnonzero(np.diff(values, prepend=before) != 0)
     if len(changes) < 3 or np.median(np.diff(changes)) < REPEATS:
         return np.ones(len(values), np.bool_)
     keep = np.zeros(len(values), np.bool_)
@@ -173,21 +200,59 @@ def _numbers(values: NDArray, role: str) -> Floats:
 
 
 def _table(section: Section, values: Mapping[str, tuple[Stamps, Floats]]) -> Table:
-    time, columns = _united(values)
-    known = np.zeros(len(time), np.bool_)
-    for column in columns.values():
-        known |= np.isfinite(column)
-    time, columns = time[known], {name: column[known] for name, column in columns.items()}
+    """One table, put together window by window."""
+    stamps = Spool(np.int64)
+    spools = {name: Spool(np.float64) for name in values}
+    for window in _windows(values):
+        time, columns = _united(window)
+        known = np.zeros(len(time), np.bool_)
+        for column in columns.values():
+            known |= np.isfinite(column)
+        stamps.append(time[known])
+        for name, column in columns.items():
+            spools[name].append(column[known])
+        release(array for pair in values.values() for array in pair)
+    time = stamps.column()
     complete: dict[str, NDArray] = {}
     for name, dtype in schemas.columns(section.schema).items():
-        if name in columns:
-            complete[name] = columns[name]
+        if name in spools:
+            complete[name] = spools[name].column()
         elif name == "valid":
-            complete[name] = np.ones(len(time), np.bool_)  # every row left has a value
+            complete[name] = np.broadcast_to(np.True_, len(time))  # every row left has a value
         else:
-            blank = np.nan if dtype.kind == "f" else 0
-            complete[name] = np.full(len(time), blank, dtype)
+            blank = np.array(np.nan if dtype.kind == "f" else 0, dtype)
+            complete[name] = np.broadcast_to(blank, len(time))
     return Table(section.topic, section.schema, time, complete)
+
+
+def _windows(
+    values: Mapping[str, tuple[Stamps, Floats]],
+) -> Iterator[Mapping[str, tuple[Stamps, Floats]]]:
+    """The signals cut at the same instants, about a block of rows of the longest in each."""
+    values = {name: _ordered(*pair) for name, pair in values.items()}
+    longest = max((time for time, _ in values.values()), key=len)
+    edges = [int(longest[rows.start]) for rows in blocks(len(longest))][1:]
+    begin = dict.fromkeys(values, 0)
+    for edge in [*edges, None]:
+        end = {
+            name: len(time) if edge is None else int(np.searchsorted(time, edge))
+            for name, (time, _) in values.items()
+        }
+        yield {
+            name: (time[begin[name] : end[name]], column[begin[name] : end[name]])
+            for name, (time, column) in values.items()
+        }
+        begin = end
+
+
+def _ordered(time: Stamps, values: Floats) -> tuple[Stamps, Floats]:
+    """The same in time order."""
+    if all((time[rows][1:] >= time[rows][:-1]).all() for rows in blocks(len(time))) and all(
+        time[rows.start] >= time[rows.start - 1] for rows in blocks(len(time)) if rows.start
+    ):
+        return time, values
+    order = np.argsort(time, kind="stable")
+    return time[order], values[order]
 
 
 def _united(values: Mapping[str, tuple[Stamps, Floats]]) -> tuple[Stamps, dict[str, Floats]]:
@@ -197,7 +262,7 @@ def _united(values: Mapping[str, tuple[Stamps, Floats]]) -> tuple[Stamps, dict[s
     """
     stamps = [time for time, _ in values.values()]
     first = stamps[0]
-    if np.all(np.diff(first) > 0) and all(np.array_equal(time, first) for time in stamps):
+    if np.all(np.diff(first) > 0) and all(np.array_equal(time, first) for time in stamps[1:]):
         return first, {name: column for name, (_, column) in values.items()}
     union: Stamps = np.unique(np.concatenate(stamps))
     row = _bursts(union, stamps)
@@ -229,18 +294,26 @@ def _mount(found: Signals, roles: list[str], mount: Floats) -> None:
     there = [role in found for role in roles]
     if not any(there):
         return
-    time, sensor = _united({role: found.pop(role) for role in roles if role in found})
+    sensor = {role: found.pop(role) for role in roles if role in found}
+    rows_of = {}
     for row, role in zip(mount, roles, strict=True):
         needs = [abs(c) > NEGLIGIBLE for c in row]
-        if any(need and not has for need, has in zip(needs, there, strict=True)):
-            if sum(needs) > 1:
-                lacking = [
-                    r for r, need, has in zip(roles, needs, there, strict=True) if need > has
-                ]
-                raise ConfigError(f"imu: mount turns several axes; map {', '.join(lacking)} too")
-            continue
-        parts = (c * sensor[r] for c, r, need in zip(row, roles, needs, strict=True) if need)
-        found[role] = time, sum(parts, np.zeros(len(time)))
+        if all(has for need, has in zip(needs, there, strict=True) if need):
+            rows_of[role] = {r: c for r, c, need in zip(roles, row, needs, strict=True) if need}
+        elif sum(needs) > 1:
+            lacking = [r for r, need, has in zip(roles, needs, there, strict=True) if need > has]
+            raise ConfigError(f"imu: mount turns several axes; map {', '.join(lacking)} too")
+    stamps = Spool(np.int64)
+    turned = {role: Spool(np.float64) for role in rows_of}
+    for window in _windows(sensor):
+        time, columns = _united(window)
+        stamps.append(time)
+        for role, parts in rows_of.items():
+            zero = np.zeros(len(time))
+            turned[role].append(sum((c * columns[r] for r, c in parts.items()), zero))
+        release(array for pair in sensor.values() for array in pair)
+    time = stamps.column()
+    found |= {role: (time, spool.column()) for role, spool in turned.items()}
 
 
 def gaps(tables: Iterable[Table], minimum: float = 1.0) -> list[str]:
@@ -248,8 +321,13 @@ def gaps(tables: Iterable[Table], minimum: float = 1.0) -> list[str]:
     found = []
     for table in tables:
         # messages of one burst lie apart by milliseconds: each signal has its own interval
-        times = {table.time[np.isfinite(c)].tobytes() for c in table.columns.values()}
-        holes = [hole for raw in times for hole in _holes(np.frombuffer(raw, np.int64), minimum)]
+        holes = {
+            hole
+            for column in table.columns.values()
+            if column.strides != (0,)
+            for hole in _holes(table.time, column, minimum)
+        }
+        release([table.time, *table.columns.values()])
         if holes:
             longest, at = max(holes)
             after = (at - int(table.time[0])) * 1e-9
@@ -258,10 +336,16 @@ def gaps(tables: Iterable[Table], minimum: float = 1.0) -> list[str]:
     return found
 
 
-def _holes(time: Stamps, minimum: float) -> list[tuple[float, int]]:
+def _holes(time: Stamps, column: NDArray, minimum: float) -> Iterator[tuple[float, int]]:
     """Length [s] and start [ns] of each hole."""
-    if len(time) < 3:
-        return []
-    steps = np.diff(time) * 1e-9
-    wide = steps > max(minimum, 5 * float(np.median(steps)))
-    return list(zip(steps[wide].tolist(), time[:-1][wide].tolist(), strict=True))
+    limit, last = 0.0, np.empty(0, np.int64)
+    for rows in blocks(len(time)):
+        known = np.concatenate([last, time[rows][np.isfinite(column[rows])]])
+        steps = np.diff(known) * 1e-9
+        if len(steps) < 2:
+            last = known
+            continue
+        limit = limit or max(minimum, 5 * float(np.median(steps)))
+        wide = steps > limit
+        yield from zip(steps[wide].tolist(), known[:-1][wide].tolist(), strict=True)
+        last = known[-1:]

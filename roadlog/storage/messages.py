@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from roadlog.errors import ConfigError, near
 from roadlog.storage import records, schemas
 from roadlog.storage.protobuf import LENGTH, SCALARS, VARINT, ZIGZAG
+from roadlog.storage.spool import release
 from roadlog.storage.table import Table
 
 HEAD = [
@@ -76,6 +77,7 @@ class Wire:
         result["publish_time"] = time
         for name, values in self._values.items():
             result[name] = values[rows]
+        release([self._time, *self._values.values()])
         return result
 
 
@@ -126,7 +128,7 @@ def _values(field: FieldDescriptor, name: str, table: Table) -> NDArray:
     wire, code = SCALARS[field.type]
     dtype = np.dtype(code)
     given = np.asarray(table.columns[name])
-    values = given.astype(dtype)
+    values = given.astype(dtype, copy=False)
     if dtype.kind != "f" and not np.array_equal(values, given):
         raise ConfigError(f"{table.topic}.{name}: a value is not {dtype.name}")
     if wire != VARINT:

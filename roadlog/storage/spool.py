@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import mmap
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -42,6 +42,18 @@ class Spool:
         return np.frombuffer(
             mmap.mmap(self._file.fileno(), size, access=mmap.ACCESS_READ), self.dtype
         )
+
+
+def concatenated(parts: Sequence[NDArray]) -> NDArray:
+    """Columns put end to end, long ones through a file."""
+    if sum(part.nbytes for part in parts) <= SMALL or any(part.dtype == object for part in parts):
+        return np.concatenate(parts)
+    spool = Spool(np.result_type(*parts))
+    for part in parts:
+        for rows in blocks(len(part)):
+            spool.append(part[rows])
+        release([part])
+    return spool.column()
 
 
 def blocks(size: int) -> Iterator[slice]:
