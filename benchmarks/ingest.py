@@ -143,7 +143,8 @@ def main() -> None:
                 command = [sys.executable, __file__, "--measure", reader, str(source)]
                 done = subprocess.run(command, capture_output=True, text=True, check=True)
                 rows, seconds, peak = (float(x) for x in done.stdout.split()[-3:])
-                print(f"{label:<22}{reader:<10}{rows / seconds:>12,.0f}{seconds:>9.2f}{peak:>10.0f}")
+                rate = f"{rows / seconds:,.0f}"
+                print(f"{label:<22}{reader:<10}{rate:>12}{seconds:>9.2f}{peak:>10.0f}")
             source.unlink()
 
 
