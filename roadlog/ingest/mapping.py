@@ -89,6 +89,7 @@ def signals(profile: Profile, located: Sequence[Located]) -> tuple[Signals, list
             time, samples = _fresh(time, samples)
         found[entry.role] = time, samples
         usable = sum(int(np.isfinite(samples[rows]).sum()) for rows in blocks(len(samples)))
+        release([time, samples])
         place = f"{frame.name}.{column}" if frame.name else column
         unit = entry.unit or "-"
         mapped.append(Mapped(entry.role, place, frame.file, unit, usable, len(samples) - usable))
@@ -250,6 +251,7 @@ def _ordered(time: Stamps, values: Floats) -> tuple[Stamps, Floats]:
     if all((time[rows][1:] >= time[rows][:-1]).all() for rows in blocks(len(time))) and all(
         time[rows.start] >= time[rows.start - 1] for rows in blocks(len(time)) if rows.start
     ):
+        release([time])
         return time, values
     order = np.argsort(time, kind="stable")
     return time[order], values[order]
@@ -327,7 +329,6 @@ def gaps(tables: Iterable[Table], minimum: float = 1.0) -> list[str]:
             if column.strides != (0,)
             for hole in _holes(table.time, column, minimum)
         }
-        release([table.time, *table.columns.values()])
         if holes:
             longest, at = max(holes)
             after = (at - int(table.time[0])) * 1e-9
@@ -349,3 +350,4 @@ def _holes(time: Stamps, column: NDArray, minimum: float) -> Iterator[tuple[floa
         wide = steps > limit
         yield from zip(steps[wide].tolist(), known[:-1][wide].tolist(), strict=True)
         last = known[-1:]
+        release([time, column])

@@ -13,8 +13,8 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-SMALL = 1 << 23  # bytes of a column that stay in memory
-ROWS = 1 << 19  # of a block
+SMALL = 1 << 21  # bytes of a column that stay in memory
+ROWS = 1 << 17  # of a block
 
 
 class Spool:
