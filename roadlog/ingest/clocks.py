@@ -87,7 +87,10 @@ def merged(groups: Sequence[Group], fixed: Mapping[str, float]) -> tuple[Signals
             shift, note = _aligned(result, group, _label(groups[0]))
             notes.append(note)
         moved = round((shift or 0.0) * 1e9)
-        result |= {role: (time + moved, values) for role, (time, values) in group.signals.items()}
+        result |= {
+            role: (time + moved if moved else time, values)
+            for role, (time, values) in group.signals.items()
+        }
     return result, notes
 
 
