@@ -41,6 +41,10 @@ from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import Vehicle
 
 RATE = 50.0  # Hz; 25 Hz gives the same (section 10.6)
+MAX_FORCE = 50.0  # m/s2; no car on its wheels reaches it, a broken message does
+MAX_RATE = 8.0  # rad/s, likewise
+FROZEN = 0.5  # s; six signals that repeat for longer while the car moves are no measurement
+MOVES = 1.0  # m/s
 MAX_IMU_GAP = 0.2  # s, bridged by interpolation; longer ones begin a new run
 MIN_RUN = 1.0  # s, shorter runs of the IMU are not used
 START = 2.0  # s, over which the first tilt is averaged
@@ -241,8 +245,11 @@ def _imu(drive: Drive, time: Floats) -> tuple[Floats, Floats, Bools]:
     samples = drive.native["imu"]
     columns = [samples.columns[f"{kind}_{axis}"] for kind in ("accel", "gyro") for axis in "xyz"]
     values = np.stack(columns, axis=1)
-    known: Bools = np.all(np.isfinite(values), axis=1)
+    limit = np.repeat([MAX_FORCE, MAX_RATE], 3)
+    with np.errstate(invalid="ignore"):
+        known: Bools = np.all(np.abs(values) < limit, axis=1)
     known[1:] &= np.diff(samples.time) > 0
+    known &= ~_frozen(drive, samples.time, values)
     own, values = samples.time[known], values[known]
     n = len(time)
     mean, point, alive = np.zeros((n, 6)), np.zeros((n, 6)), np.zeros(n, np.bool_)
@@ -258,6 +265,20 @@ def _imu(drive: Drive, time: Floats) -> tuple[Floats, Floats, Bools]:
         point[run] = np.concatenate([step[:1], 0.5 * (step[1:] + step[:-1]), step[-1:]])
         alive[run] = True
     return mean, point, alive
+
+
+def _frozen(drive: Drive, own: Floats, values: Floats) -> Bools:
+    """Samples of a moving car that repeat those before in every signal, for too long.
+
+    A drive that mostly does is made of exact numbers and not of a sensor's: nothing is frozen.
+    """
+    repeats = np.zeros(len(own), np.bool_)
+    repeats[1:] = np.all(values[1:] == values[:-1], axis=1)
+    repeats &= np.interp(own, drive.time, np.nan_to_num(np.abs(drive.speed))) > MOVES
+    for run in runs(repeats):
+        if own[run.stop - 1] - own[run.start] < FROZEN:
+            repeats[run] = False
+    return repeats if repeats.mean() < 0.5 else np.zeros(len(own), np.bool_)
 
 
 def _integral(own: Floats, values: Floats, time: Floats) -> Floats:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import table
 
 from roadlog import estimators
 from roadlog.drive import Drive
@@ -20,6 +21,7 @@ from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
 from roadlog.signals import FLAGS, TRUTH_TOPIC
 from roadlog.simulate import Simulation, simulate
 from roadlog.storage import Table
+from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import Vehicle
 
 Change = Callable[[Table], Table]
@@ -269,3 +271,37 @@ def test_standard_deviations_hold_over_drawn_errors(gnss: bool) -> None:
         assert 0.93 <= np.mean(covered) <= 1.0, (angle, covered)
     z = np.sqrt(np.mean([figures["grade"].nees or 0.0 for figures in draws]))
     assert 0.3 < z < 1.1
+
+
+def constant_drive(noise: float, frozen: slice = slice(0)) -> Drive:
+    """A minute straight uphill at 10 m/s; white noise; the IMU may repeat itself."""
+    t = np.arange(6001) / 100
+    time = np.round(t * 1e9).astype(np.int64)
+    rng = np.random.default_rng(1)
+    level = {"accel_x": 0.5, "accel_y": 0.0, "accel_z": 9.79}
+    level |= dict.fromkeys(("gyro_x", "gyro_y", "gyro_z"), 0.0)
+    imu = {name: value + noise * rng.standard_normal(len(t)) for name, value in level.items()}
+    for values in imu.values():
+        values[frozen] = values[frozen.start or 0]
+    speed = {"v": np.full(len(t), 10.0)}
+    return Drive.from_tables([table("imu", time, imu), table("speed", time, speed)])
+
+
+def test_an_imu_that_repeats_itself_is_not_believed() -> None:
+    estimate = estimators.run("fusion", constant_drive(0.01, slice(2000, 3000)), Vehicle())
+    assert not estimate.usable[2100:2900].any()
+    assert estimate.usable[3200:].all()
+
+
+def test_exact_numbers_are_no_frozen_sensor() -> None:
+    estimate = estimators.run("fusion", constant_drive(0.0), Vehicle())
+    assert estimate.usable.all()
+    assert estimate.inclination[3000] == pytest.approx(np.arcsin(0.5 / G), abs=np.radians(0.05))
+
+
+def test_impossible_samples_are_left_out() -> None:
+    drive = constant_drive(0.01)
+    drive.native["imu"].columns["accel_x"][25::50] = 500.0  # m/s2
+    estimate = estimators.run("fusion", drive, Vehicle())
+    assert estimate.usable.all()
+    assert estimate.inclination[3000] == pytest.approx(np.arcsin(0.5 / G), abs=np.radians(0.05))
