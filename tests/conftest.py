@@ -14,6 +14,7 @@ import pytest
 from roadlog.drive import Drive
 from roadlog.signals import ANGLES, ANGLES_SCHEMA, SECTIONS, TRUTH_TOPIC
 from roadlog.storage import Table
+from roadlog.storage.columns import Columns
 from roadlog.units import STANDARD_GRAVITY as G
 
 ROOT = Path(__file__).parent.parent
@@ -29,6 +30,20 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip("public drives: ../shared/data is missing")
     return SHARED
+
+
+@pytest.fixture
+def slow(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many messages of each channel that is read were decoded one by one."""
+    counts: list[int] = []
+    finish = Columns.finish
+
+    def counted(columns: Columns) -> tuple:
+        counts.append(columns.by_hand)
+        return finish(columns)
+
+    monkeypatch.setattr(Columns, "finish", counted)
+    return counts
 
 
 @pytest.fixture

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from conftest import EPOCH_NS
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
 from mcap.reader import make_reader
@@ -24,7 +23,6 @@ from rosbags.rosbag2 import Writer as BagWriter
 from rosbags.typesys import Stores, get_typestore
 
 from roadlog.storage import LogReader, Table
-from roadlog.storage.columns import Columns
 
 COUNT = 300
 STORE = get_typestore(Stores.ROS2_HUMBLE)
@@ -134,20 +132,6 @@ def assert_equal(table: Table, messages: list[Mapping[str, Any]]) -> None:
             np.testing.assert_array_equal(np.signbit(column), np.signbit(values), name)
         else:
             assert column.tolist() == values
-
-
-@pytest.fixture
-def slow(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """How many messages of each channel were read by hand."""
-    counts: list[int] = []
-    finish = Columns.finish
-
-    def counted(columns: Columns) -> Any:
-        counts.append(columns.by_hand)
-        return finish(columns)
-
-    monkeypatch.setattr(Columns, "finish", counted)
-    return counts
 
 
 def read(path: Path) -> dict[str, Table]:
