@@ -53,7 +53,7 @@ def _register() -> None:
     from roadlog.cli.info import info
     from roadlog.cli.ingest import ingest
     from roadlog.cli.plot import plot
-    from roadlog.cli.profiles import profiles
+    from roadlog.cli.profiles import profile, profiles
     from roadlog.cli.report import report
     from roadlog.cli.reproduce import reproduce
     from roadlog.cli.simulate import scenarios, simulate
@@ -63,6 +63,7 @@ def _register() -> None:
     making = (simulate, scenarios, estimators, reproduce, profiles, demo, doctor)
     for command in (*using, *making):
         app.command()(command)
+    app.add_typer(profile, name="profile")
 
 
 _register()

@@ -1,12 +1,58 @@
-"""`roadlog profiles`: the profiles that come with roadlog."""
+"""`roadlog profiles`: the profiles that come with roadlog; `roadlog profile new`: one's own."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from roadlog.cli import console
+
+profile = typer.Typer(
+    help="Write a profile: what the names in a log mean.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+
+@profile.callback()
+def _group() -> None:
+    """Keeps `new` a command of its own."""
+
+
+@profile.command()
+def new(
+    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="Files or folders.")],
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="P.toml", help="Write it here.")
+    ] = None,
+    dbc: Annotated[
+        list[Path] | None, typer.Option(metavar="F", help="DBC file for raw CAN; repeatable.")
+    ] = None,
+) -> None:
+    """Write a profile to start from, by names, units and the data itself.
+
+    What is not certain stands in comments; check these, then ingest.
+
+    Example: roadlog profile new drive.csv -o my_car.toml
+    """
+    from roadlog.errors import ConfigError
+    from roadlog.ingest.starter import starter
+
+    text = starter(sources, dbc or [])
+    if out is None:
+        console.say(text.rstrip())
+        return
+    if out.exists():
+        raise ConfigError(f"{out}: is there already; give another -o, or remove it")
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{out}: cannot be written: {error.strerror}") from error
+    places = " ".join(str(source) for source in sources)
+    console.say(f"{out}: check its comments, then")
+    console.say(f"roadlog ingest {places} -o drive.mcap --profile {out}")
 
 
 def profiles(
@@ -23,7 +69,7 @@ def profiles(
         return
     rows = []
     for found in shipped():
-        profile = Profile.load(found)
-        first = profile.text.lstrip("# ").splitlines()[0].split(": ")[0].rstrip(".")
-        rows.append([found, ", ".join(profile.entries), first])
+        known = Profile.load(found)
+        first = known.text.lstrip("# ").splitlines()[0].split(": ")[0].rstrip(".")
+        rows.append([found, ", ".join(known.entries), first])
     console.print_table(["profile", "sections", "for"], rows, left=3)

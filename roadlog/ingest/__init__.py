@@ -59,7 +59,7 @@ class IngestResult:
 
 
 @dataclass(frozen=True)
-class _Source:
+class Source:
     """One source with the module that reads it and the profile that says what its names mean."""
 
     path: Path
@@ -86,8 +86,8 @@ def ingest(
     ConfigError for a profile that does not fit.
     """
     given = Profile.load(profile) if isinstance(profile, (str, Path)) else profile
-    paths, databases, ignored = _expanded([Path(source) for source in sources], dbc)
-    opened = [_source(path, given, databases) for path in paths]
+    paths, databases, ignored = expanded([Path(source) for source in sources], dbc)
+    opened = [open_source(path, given, databases) for path in paths]
     recordings = [source.read(databases) for source in opened]
     profiles = list({source.profile.name: source.profile for source in opened}.values())
     groups, mapped, over, lacking = [], [], [], []
@@ -128,7 +128,7 @@ def ingest(
     return IngestResult(tables, metadata, mapped, over, lacking, notes, gaps, losses)
 
 
-def _expanded(
+def expanded(
     paths: Sequence[Path], dbc: Sequence[Path]
 ) -> tuple[list[Path], list[Path], list[str]]:
     """Sources, databases and names of other files; folders of files taken apart."""
@@ -157,7 +157,8 @@ def _module(path: Path) -> Format | None:
     return None
 
 
-def _source(path: Path, profile: Profile | None, dbc: Sequence[Path]) -> _Source:
+def open_source(path: Path, profile: Profile | None, dbc: Sequence[Path]) -> Source:
+    """The source with its format and profile. Raises LogReadError, ConfigError."""
     if not path.exists():
         siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
         raise LogReadError(f"{path}: no such file or folder. {near(path.name, siblings)}")
@@ -166,7 +167,7 @@ def _source(path: Path, profile: Profile | None, dbc: Sequence[Path]) -> _Source
     module = _module(path)
     if module is None:
         raise LogReadError(f"{path}: is none of the formats that are understood ({KNOWN})")
-    return _Source(path, module, profile or _own_profile(module, path, dbc))
+    return Source(path, module, profile or _own_profile(module, path, dbc))
 
 
 def _own_profile(module: Format, path: Path, dbc: Sequence[Path]) -> Profile:
