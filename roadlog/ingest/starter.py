@@ -467,7 +467,8 @@ def _speeds(draft: _Draft, state: motion.Motion) -> None:
         if role not in evidence or stated or any(role in f.signals for f in state.found):
             continue
         slope = evidence.band(evidence.slope(evidence[role]))
-        bands = [evidence.band(evidence[r]) for a in AXES if (r := f"imu.accel_{a}") in evidence]
+        accel = [f"imu.accel_{axis}" for axis in AXES]
+        bands = [evidence.band(evidence[name]) for name in accel if name in evidence]
         found = [correlation(slope, band, evidence.rate) for band in bands]
         r, ratio = max(found, key=lambda pair: abs(pair[0]), default=(0.0, 1.0))
         if abs(r) < FOLLOWS:
