@@ -1,4 +1,5 @@
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -184,6 +185,16 @@ def test_works_without_two_antennas_and_says_so(make) -> None:
     assert rmse_deg(estimate.bank, truth.bank) < 0.3
     assert "imu_roll" in " ".join(estimate.notes)
     assert "gnss_ins" in " ".join(run(make(gnss=True)).notes)
+
+
+def test_without_the_yaw_rates_share_a_tilted_plane_is_not_seen(monkeypatch) -> None:
+    """T28: epsilon = -sin(pitch) r left out of imu_roll; causal, as the chapter's figures."""
+    truth = laps_truth(gnss=False)
+    assert rmse_deg(run(truth, smooth=False).bank, truth.bank) < 0.3
+    level = SimpleNamespace(grade=np.zeros(len(truth.drive)))
+    monkeypatch.setattr("roadlog.estimators.total_roll.kmbe", lambda *_: level)
+    rigid = WAGON.with_values(pitch_gradient=1e-9)
+    assert rmse_deg(run(truth, rigid, smooth=False).bank, truth.bank) > 0.8
 
 
 def test_without_gyros_it_stops_and_starts_again(laps: PlanarTruth) -> None:

@@ -21,9 +21,11 @@ METHODS = (
     "pn",
     "ti_rls",
     "ekf_suspension",
+    "lowpass_attitude",
     "ls_attitude",
     "fuel_level",
 )
+WITHOUT_F_Z = ("incl_kinematic", "ekf_suspension", "lowpass_attitude", "ls_attitude")
 ALL = pytest.mark.parametrize("method", METHODS)
 CAR = Vehicle()
 MISSING, CONVERGING, STANDSTILL = 1, 32, 8
@@ -75,7 +77,7 @@ def test_clean_drive_is_valid_nearly_everywhere(method: str) -> None:
 @ALL
 @pytest.mark.parametrize("role", ["imu__accel_x", "imu__accel_z"])
 def test_burst_of_nan_is_flagged_and_left_behind(method: str, role: str) -> None:
-    if role == "imu__accel_z" and method in ("incl_kinematic", "ekf_suspension", "ls_attitude"):
+    if role == "imu__accel_z" and method in WITHOUT_F_Z:
         pytest.skip("does not use f_z")
     drive = drive_with(**{role: slice(3000, 3100)})
     estimate = estimators.run(method, drive, CAR)
