@@ -13,6 +13,7 @@ from roadlog.storage import container, journal
 from roadlog.storage.cdr import Cdr
 from roadlog.storage.columns import Codec, Columns, merged
 from roadlog.storage.container import Source
+from roadlog.storage.contents import contents
 from roadlog.storage.json_text import Json
 from roadlog.storage.protobuf import Protobuf
 from roadlog.storage.records import (
@@ -53,7 +54,7 @@ class LogReader:
             if head != MAGIC:
                 found = "is empty" if not head else "is no MCAP file"
                 raise LogReadError(f"{path}: {found}; make a log with `roadlog ingest`")
-            self.contents = container.contents(self.source)
+            self.contents = contents(self.source)
             if self.contents.losses and not self.contents.channels:
                 raise LogReadError(f"{path}: {self.contents.losses[0]}, and that is nothing")
             for loss in self.contents.losses:

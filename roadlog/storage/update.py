@@ -16,6 +16,7 @@ import numpy as np
 
 from roadlog.storage import container, crc, records
 from roadlog.storage.container import RAW, Record, Source, outer_records, walk, word
+from roadlog.storage.contents import Contents
 from roadlog.storage.journal import Before, changing
 from roadlog.storage.reader import LogReader
 from roadlog.storage.records import LOG_TIME, PREFIX, Chunk, Damage, Fields
@@ -85,7 +86,7 @@ class _Plan:
     it says.
     """
 
-    contents: container.Contents
+    contents: Contents
     dropped: set[int]
     unused: set[int]
     inner: set[int]
