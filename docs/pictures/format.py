@@ -95,7 +95,7 @@ def draw_chunks(axes: Axes, log: LogReader) -> None:
     last = log.end_ns - log.start_ns
     for edge in np.arange(first, last * 1e-9 + 60, WINDOW * 1e-9):
         axes.axvline(edge, color="k", lw=0.5, ls=":")
-    axes.set(xlabel="time [s]; dotted: full minutes of UTC", xlim=(-2, last * 1e-9 + 2))
+    axes.set(xlabel="time [s]; dotted: full minutes of UTC", xlim=(-2, last * 1e-9 + SHORTEST + 2))
     axes.set_yticks(range(len(topics)), topics, fontsize=8)
     axes.invert_yaxis()
 
