@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -26,8 +27,16 @@ def complain(text: str) -> None:
 
 
 def print_json(value: Any) -> None:
-    """The only thing on stdout; NaN is not JSON and would be refused here."""
-    say(json.dumps(value, indent=2, allow_nan=False))
+    """The only thing on stdout; NaN and infinity, which JSON does not know, are null."""
+    say(json.dumps(_finite(value), indent=2, allow_nan=False))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def print_table(
