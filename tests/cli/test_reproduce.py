@@ -18,6 +18,8 @@ def test_wang_as_json_has_stable_keys_and_figures(roadlog) -> None:
     assert all(set(row) == KEYS for row in rows)
     first = paper["tables"][0]["rows"][0]
     assert first["paper"] == 0.371
+    names = [table["name"] for table in paper["tables"]]
+    assert sum("full car" in name for name in names) == 4
     for row in rows:
         if row["documented"] is not None and row["unit"] == "deg":
             assert row["now"] < 1.15 * row["documented"], row
@@ -30,6 +32,7 @@ def test_massel_prints_its_tables(roadlog) -> None:
     result = roadlog("reproduce", "massel2004")
     assert result.returncode == 0, result.stderr
     assert "quasi at 1000 Hz, 20 seeds" in result.stdout
+    assert "accel on the full car, 5 seeds" in result.stdout
     assert result.stdout.count("holds  ") == 6
 
 

@@ -13,6 +13,7 @@ from roadlog.estimate import Estimate
 from roadlog.estimators import run
 from roadlog.log import create
 from roadlog.signals import FLAGS
+from roadlog.simulate import simulate
 from roadlog.storage import Table
 from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import Vehicle
@@ -21,6 +22,12 @@ RATE = 100.0
 # 3.11: the windows start at the last standing sample (two moving ones are below zero speed)
 MONTE_CARLO = {"hold_off": 0.02, "averaging": 3.0}
 DECELERATION, ACCELERATION = 1, 2
+METHODS: dict[str, tuple[str, dict[str, object]]] = {
+    "full": ("static_slope", {"align": "full"}),
+    "paper": ("static_slope", {"align": "paper"}),
+    "kasaba": ("kasaba", {}),
+    "ekf": ("grade_pitch_ekf", {}),
+}
 
 
 def tables(
@@ -212,6 +219,34 @@ def test_engines_agree() -> None:
         for engine in ("compiled", "reference")
     ]
     assert np.allclose(both[0].pitch, both[1].pitch, atol=1e-12, rtol=0, equal_nan=True)
+
+
+@pytest.mark.slow
+def test_urban_drives_with_the_imu_far_ahead() -> None:
+    """B11: IMU 1.9 m ahead, 8 drives of 28 events at each of two loads; errors in deg.
+
+    The chapter's worst drive by `full` was 0.035, of these it is 0.083: an event spreads by
+    0.16, so the mean of a drive by 0.03 and more. Their mean is held to the issue's 0.03 instead.
+    """
+    errors: dict[str, list[list[float]]] = {name: [] for name in METHODS}
+    for load in (0.3, 1.2):
+        found: dict[str, list[float]] = {name: [] for name in METHODS}
+        for seed in range(1, 9):
+            overrides = {"straight.load": float(np.radians(load))}
+            simulation = simulate("kim2023-urban", seed=seed, overrides=overrides)
+            drive = Drive.from_tables(simulation.tables)
+            for name, (method, settings) in METHODS.items():
+                pitch = run(method, drive, simulation.vehicle, settings).pitch
+                found[name].append(float(np.degrees(pitch[np.isfinite(pitch)][-1])) - load)
+        for name, values in found.items():
+            errors[name].append(values)
+    each = {name: np.abs(np.array(values)) for name, values in errors.items()}
+    mean = {name: np.abs(np.mean(values, axis=1)) for name, values in errors.items()}
+    assert mean["full"].max() < 0.03
+    assert each["full"].max() < 0.10
+    assert each["paper"].min() > 0.15
+    assert each["kasaba"].max() < 0.3
+    assert each["full"].mean() < min(each["kasaba"].mean(), each["ekf"].mean())
 
 
 # What a log can bring that the method did not expect. -------------------------------------------
