@@ -26,7 +26,11 @@ def ingest(
     ] = None,
     truth_from: Annotated[
         str | None,
-        typer.Option(metavar="gnss", help="Make a reference grade: gnss = its altitude, smoothed."),
+        typer.Option(
+            metavar="gnss|FILE.csv",
+            help="Make a reference grade: gnss = its altitude, smoothed; FILE = a surveyed table "
+            "of grade over distance, or over latitude and longitude.",
+        ),
     ] = None,
     time_offset: Annotated[
         list[str] | None,
@@ -48,11 +52,11 @@ def ingest(
     from roadlog.log import create
     from roadlog.vehicle import Vehicle
 
-    if truth_from not in (None, "gnss"):
-        raise typer.BadParameter("must be gnss", param_hint="--truth-from")
+    if truth_from not in (None, "gnss") and not Path(str(truth_from)).is_file():
+        raise typer.BadParameter("must be gnss or a file", param_hint="--truth-from")
     given = Vehicle.load(vehicle) if vehicle else None
     offsets = _offsets(time_offset or [], sources)
-    result = read(sources, profile, dbc or [], truth_from == "gnss", offsets)
+    result = read(sources, profile, dbc or [], truth_from, offsets)
     create(out, result.tables, result.metadata, given)
     _print(result, out)
     console.warn_losses(result.losses)

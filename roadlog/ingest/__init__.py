@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from roadlog.errors import ConfigError, LogReadError, near
-from roadlog.ingest import clocks, mapping, truth
+from roadlog.ingest import clocks, mapping, survey, truth
 from roadlog.ingest.frame import Frame, Recording, joined
 from roadlog.ingest.mapping import Mapped
 from roadlog.ingest.profile import Profile, fitting, shipped
-from roadlog.signals import SECTIONS
 from roadlog.storage import Table
 from roadlog.storage.spool import blocks, release
 from roadlog.types import Stamps
@@ -74,14 +73,15 @@ def ingest(
     sources: Sequence[Path | str],
     profile: Profile | str | Path | None = None,
     dbc: Sequence[Path] = (),
-    truth_from_gnss: bool = False,
+    truth_from: str | Path | None = None,
     time_offsets: Mapping[str, float] | None = None,
 ) -> IngestResult:
     """Read the sources of one drive and map them.
 
     A folder that is no format of its own stands for the files in it. profile: a Profile, a file,
     the name of a shipped one, or None where each source says what it is. dbc: databases for raw
-    CAN frames. truth_from_gnss: a reference grade from the altitude. time_offsets: file name -> s
+    CAN frames. truth_from: a reference grade, from the altitude (`gnss`)
+    or a surveyed table (a file). time_offsets: file name -> s
     to add to its clock, instead of an estimate. Raises LogReadError for an unreadable source,
     ConfigError for a profile that does not fit.
     """
@@ -104,9 +104,10 @@ def ingest(
             mapped += kinds
     signals, said = clocks.merged(groups, time_offsets or {})
     tables = mapping.tables(signals)
-    if truth_from_gnss:
-        topic = SECTIONS["truth"].topic
-        tables = [t for t in tables if t.topic != topic] + [truth.from_gnss(tables)]
+    if truth_from is not None:
+        gnss = str(truth_from) == "gnss"
+        made = truth.from_gnss(tables) if gnss else survey.from_table(Path(truth_from), tables)
+        tables = [t for t in tables if t.topic != made.topic] + [made]
     losses = [loss for recording in recordings for loss in recording.losses]
     losses += [loss for recording in recordings for loss in _backward(recording)]
     metadata = {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +18,7 @@ SLOWEST = 2.0  # m/s; below it the altitude changes by its noise only
 LONGEST_STEP = 3.0  # s between fixes; no slope across a longer gap
 
 
-def from_gnss(tables: list[Table]) -> Table:
+def from_gnss(tables: Sequence[Table]) -> Table:
     """`/truth/angles` with grade = atan(d altitude / d distance) at the fixes.
 
     A local straight line is fitted to altitude over distance with Gaussian weights (sd 4 s;
@@ -27,15 +29,15 @@ def from_gnss(tables: list[Table]) -> Table:
     by_topic = {table.topic: table for table in tables}
     gnss = by_topic.get(SECTIONS["gnss"].topic)
     altitude = _known(gnss, "altitude")
-    speed = _known(gnss, "speed") or _known(by_topic.get(SECTIONS["speed"].topic), "v")
-    if altitude is None or speed is None:
+    known_speed = speed(tables)
+    if altitude is None or known_speed is None:
         raise LogReadError(
             "--truth-from gnss needs gnss altitude and a speed; the profile maps none"
         )
     stamps, heights = altitude
-    v = np.interp(stamps, *speed)
+    v = np.interp(stamps, *known_speed)
     steps = np.diff(stamps) * 1e-9
-    distance = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * steps)])
+    distance = travelled(stamps, v)
     time = (stamps - stamps[0]) * 1e-9
     run = np.concatenate([[0], np.cumsum(steps > LONGEST_STEP)])
     grade, sd = np.full(len(time), np.nan), np.full(len(time), np.nan)
@@ -49,7 +51,20 @@ def from_gnss(tables: list[Table]) -> Table:
     known = np.isfinite(grade)
     if not known.any():
         raise LogReadError("--truth-from gnss: the car never moves with a valid altitude")
-    return _truth(stamps[known], grade[known], sd[known])
+    return table(stamps[known], grade[known], sd[known])
+
+
+def speed(tables: Sequence[Table]) -> tuple[Stamps, Floats] | None:
+    """Stamps and speed in m/s of the GNSS, or else of /speed; None without either."""
+    by_topic = {table.topic: table for table in tables}
+    gnss, own = (by_topic.get(SECTIONS[name].topic) for name in ("gnss", "speed"))
+    return _known(gnss, "speed") or _known(own, "v")
+
+
+def travelled(time: Stamps, v: Floats) -> Floats:
+    """Distance in m by the trapezoidal rule."""
+    steps = np.diff(time) * 1e-9
+    return np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * steps)])
 
 
 def _known(table: Table | None, column: str) -> tuple[Stamps, Floats] | None:
@@ -73,7 +88,8 @@ def _slope(x: Floats, y: Floats, weight: Floats) -> tuple[float, float]:
     return float(slope), float(np.sqrt(variance * (weight**2 * dx**2).sum()) / spread)
 
 
-def _truth(time: Stamps, grade: Floats, sd: Floats) -> Table:
+def table(time: Stamps, grade: Floats, sd: Floats) -> Table:
+    """`/truth/angles` that knows only the grade and its sd, in rad."""
     unknown = np.full(len(time), np.nan)
     columns: dict[str, NDArray] = dict.fromkeys([*ANGLES, *(f"{a}_sd" for a in ANGLES)], unknown)
     columns |= {"grade": grade, "grade_sd": sd}

@@ -38,7 +38,7 @@ def test_a_csv_becomes_a_log_with_its_origin(folder, roadlog):
         ({"p.toml": PROFILE.replace("km/h", "kmm/h")}, ["drive.csv"], 1, "Close: km/h"),
         ({"p.toml": PROFILE.replace("[speed]", "[sped]")}, ["drive.csv"], 1, "Close: speed"),
         ({"p.toml": PROFILE.replace("from", "form")}, ["drive.csv"], 1, "Close: from"),
-        ({}, ["drive.csv", "--truth-from", "map"], 2, "must be gnss"),
+        ({}, ["drive.csv", "--truth-from", "map"], 2, "must be gnss or a file"),
     ],
 )
 def test_bad_input_is_one_line_and_writes_nothing(folder, roadlog, change, arguments, code, words):

@@ -57,7 +57,7 @@ def test_canmod_axes_validity_and_files(shared):
     pytest.importorskip("asammdf")
     folder = shared / "canmod"
     result = ingest(
-        sorted(folder.glob("*.MF4")), "canmod", [folder / "canmod-gps.dbc"], truth_from_gnss=True
+        sorted(folder.glob("*.MF4")), "canmod", [folder / "canmod-gps.dbc"], truth_from="gnss"
     )
     tables = {table.topic: table for table in result.tables}
     imu = tables["/imu"].columns
