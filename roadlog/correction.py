@@ -10,9 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from roadlog.drive import Drive, Samples, resample
+from roadlog.drive import Drive, Resampled, Samples
 from roadlog.errors import ConfigError
-from roadlog.signals import SECTIONS
 from roadlog.types import Floats
 from roadlog.vehicle import Vehicle
 
@@ -46,7 +45,7 @@ def corrected(drive: Drive, vehicle: Vehicle) -> Drive:
     changes = applied(vehicle, drive)
     if not changes:
         return drive
-    native, signals = dict(drive.native), dict(drive.signals)
+    native = dict(drive.native)
     if {"imu_mount", "accel_bias", "gyro_bias"} & set(changes):
         native["imu"] = _imu(drive.native["imu"], vehicle)
     for section in CAR_SPEEDS:
@@ -61,14 +60,8 @@ def corrected(drive: Drive, vehicle: Vehicle) -> Drive:
     if "gnss_delay" in changes:
         gnss = native["gnss"]
         native["gnss"] = Samples(gnss.time - vehicle.gnss_delay, gnss.columns)
-    for name, samples in native.items():
-        if samples is drive.native[name]:
-            continue
-        for signal in SECTIONS[name].signals:
-            if signal.field in samples.columns:
-                values = samples.columns[signal.field]
-                signals[signal.role] = resample(samples.time, values, drive.time, signal)
-    return replace(drive, native=native, signals=signals)
+    changed = {name: s for name, s in native.items() if s is not drive.native[name]}
+    return replace(drive, native=native, signals=Resampled(changed, drive.time, drive.signals))
 
 
 def _imu(samples: Samples, vehicle: Vehicle) -> Samples:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import WeakValueDictionary
 
 import numpy as np
 
 from roadlog.columnar import Columnar
 from roadlog.errors import LogReadError, MissingSignalError, near
-from roadlog.signals import INPUTS, SIGNALS, Signal
+from roadlog.signals import INPUTS, SECTIONS, SIGNALS, Signal
 from roadlog.storage.table import Table
 from roadlog.types import Bools, Floats, Stamps
 
@@ -35,6 +36,48 @@ class Samples:
 
     time: Floats
     columns: Mapping[str, Floats]
+
+
+class Resampled(Mapping[str, Floats]):
+    """Signals of channels by role, put on the clock when asked for, kept while they are in use.
+
+    Hours of forty signals at once are more than the estimators need: each uses a few. others:
+    signals that no channel of `native` gives, as they are.
+    """
+
+    def __init__(
+        self,
+        native: Mapping[str, Samples],
+        time: Floats,
+        others: Mapping[str, Floats] | None = None,
+    ) -> None:
+        self._time, self._others = time, others or {}
+        self._sources = {
+            signal.role: (samples, signal)
+            for name, samples in native.items()
+            for signal in SECTIONS[name].signals
+            if signal.field in samples.columns
+        }
+        self._in_use: WeakValueDictionary[str, Floats] = WeakValueDictionary()
+
+    def __getitem__(self, role: str) -> Floats:
+        if role not in self._sources:
+            return self._others[role]
+        values = self._in_use.get(role)
+        if values is None:
+            samples, signal = self._sources[role]
+            values = resample(samples.time, samples.columns[signal.field], self._time, signal)
+            self._in_use[role] = values
+        return values
+
+    def __contains__(self, role: object) -> bool:
+        return role in self._sources or role in self._others
+
+    def __iter__(self) -> Iterator[str]:
+        return iter({**dict.fromkeys(self._others), **self._sources})
+
+    def __len__(self) -> int:
+        return len(self._others.keys() | self._sources.keys())
 
 
 @dataclass(frozen=True)
@@ -73,7 +116,6 @@ class Drive(Columnar):
                 f"epoch (see `roadlog info`)"
             )
         time = np.arange(int(np.floor(duration * rate + 1e-6)) + 1) / rate
-        signals: dict[str, Floats] = {}
         native: dict[str, Samples] = {}
         for section, table in inputs:
             order = np.argsort(table.time, kind="stable")
@@ -87,9 +129,8 @@ class Drive(Columnar):
                 if np.isnan(values).all():
                     continue  # a field that the source does not know is a signal it does not have
                 columns[signal.field] = values
-                signals[signal.role] = resample(own, values, time, signal)
             native[section.name] = Samples(own, columns)
-        return cls(time, start, rate, signals, native)
+        return cls(time, start, rate, Resampled(native, time), native)
 
     def __len__(self) -> int:
         return len(self.time)

@@ -6,7 +6,7 @@ written once; the compiled engine and filterpy both run it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -57,14 +57,11 @@ class SuspensionModel:
 
 @dataclass(frozen=True)
 class SuspensionTrack:
-    """x (N, 4), P (N, 4, 4); priors and transitions F for the smoother; innovation (N, 3): of
-    speed, of acceleration, and mean normalized squared; rejected (N,): beyond the gate."""
+    """x (N, 4), P (N, 4, 4); innovation (N, 3): of speed, of acceleration, and mean normalized
+    squared; rejected (N,): beyond the gate."""
 
     x: Floats
     P: Floats
-    x_prior: Floats
-    P_prior: Floats
-    F: Floats
     innovation: Floats
     rejected: Bools
 
@@ -136,6 +133,13 @@ def process_noise(x: Floats, Q: Floats) -> Floats:
     return result
 
 
+@njit(cache=True)
+def ahead(x: Floats, P: Floats, force: float, Q: Floats, car: Floats) -> tuple[Floats, Floats]:
+    """State and covariance one step on, before anything is measured."""
+    F = jacobian(x, force, car)
+    return transition(x, force, car), predict(x, P, F, np.zeros(4), process_noise(x, Q))[1]
+
+
 def filter_suspension(model: SuspensionModel, engine: Engine = "compiled") -> SuspensionTrack:
     """Filtered states: each step from all measurements up to it."""
     run: Any = _filter_reference if engine == "reference" else _filter
@@ -147,12 +151,14 @@ def filter_suspension(model: SuspensionModel, engine: Engine = "compiled") -> Su
 def smooth_suspension(
     model: SuspensionModel, track: SuspensionTrack, engine: Engine = "compiled"
 ) -> SuspensionTrack:
-    """Smoothed states: each step from all measurements (Rauch, Tung, Striebel 1965)."""
-    del model  # everything the smoother needs was kept by the filter
+    """Smoothed states: each step from all measurements (Rauch, Tung, Striebel 1965).
+
+    Predictions are made anew on the way back: an hour of them takes more memory than time.
+    """
     run: Any = _smooth_reference if engine == "reference" else _smooth
-    x, P = run(track.x, track.P, track.x_prior, track.P_prior, track.F)
-    rest = (track.x_prior, track.P_prior, track.F, track.innovation, track.rejected)
-    return SuspensionTrack(x, P, *rest)
+    force = np.ascontiguousarray(model.force, np.float64)
+    x, P = run(track.x, track.P, force, np.asarray(model.Q, np.float64), model.car)
+    return replace(track, x=x, P=P)
 
 
 @njit(cache=True)
@@ -167,23 +173,15 @@ def _filter(
     car: Floats,
     body: bool,
     gate: float,
-) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats, Bools]:
+) -> tuple[Floats, Floats, Floats, Bools]:
     n = len(speed)
     xs, Ps = np.empty((n, 4)), np.empty((n, 4, 4))
-    x_priors, P_priors, Fs = np.empty((n, 4)), np.empty((n, 4, 4)), np.zeros((n, 4, 4))
     innovation, rejected = np.full((n, 3), np.nan), np.zeros(n, np.bool_)
     speed_row = np.array([1.0, 0.0, 0.0, 0.0])
-    zero = np.zeros(4)
     x, P = x0.copy(), P0.copy()
     for k in range(n):
         if k > 0:
-            F = jacobian(x, force[k], car)
-            Fs[k] = F
-            ahead = transition(x, force[k], car)
-            _, P = predict(x, P, F, zero, process_noise(x, Q))
-            x = ahead
-        x_priors[k] = x
-        P_priors[k] = P
+            x, P = ahead(x, P, force[k], Q, car)
         nis, used = 0.0, 0
         for i in range(2):
             z = speed[k] if i == 0 else accel[k]
@@ -206,18 +204,16 @@ def _filter(
             innovation[k, 2] = nis / used
         xs[k] = x
         Ps[k] = P
-    return xs, Ps, x_priors, P_priors, Fs, innovation, rejected
+    return xs, Ps, innovation, rejected
 
 
 @njit(cache=True)
-def _smooth(
-    xs: Floats, Ps: Floats, x_priors: Floats, P_priors: Floats, Fs: Floats
-) -> tuple[Floats, Floats]:
+def _smooth(xs: Floats, Ps: Floats, force: Floats, Q: Floats, car: Floats) -> tuple[Floats, Floats]:
     ys, Ss = xs.copy(), Ps.copy()
     for k in range(len(xs) - 2, -1, -1):
-        ys[k], Ss[k] = smooth_step(
-            xs[k], Ps[k], Fs[k + 1], x_priors[k + 1], P_priors[k + 1], ys[k + 1], Ss[k + 1]
-        )
+        x_prior, P_prior = ahead(xs[k], Ps[k], force[k + 1], Q, car)
+        F = jacobian(xs[k], force[k + 1], car)
+        ys[k], Ss[k] = smooth_step(xs[k], Ps[k], F, x_prior, P_prior, ys[k + 1], Ss[k + 1])
     return ys, Ss
 
 
@@ -232,7 +228,7 @@ def _filter_reference(
     car: Floats,
     body: bool,
     gate: float,
-) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats, Bools]:
+) -> tuple[Floats, Floats, Floats, Bools]:
     from filterpy.kalman import ExtendedKalmanFilter
 
     class Filter(ExtendedKalmanFilter):  # type: ignore[misc]
@@ -244,16 +240,14 @@ def _filter_reference(
     ekf.x, ekf.P = x0.reshape(4, 1).copy(), P0.copy()
     n = len(speed)
     xs, Ps = np.empty((n, 4)), np.empty((n, 4, 4))
-    x_priors, P_priors, Fs = np.empty((n, 4)), np.empty((n, 4, 4)), np.zeros((n, 4, 4))
     innovation, rejected = np.full((n, 3), np.nan), np.zeros(n, np.bool_)
     rows = (lambda _: np.array([[1.0, 0.0, 0.0, 0.0]]), lambda x: accel_row(x[:, 0], body)[None])
     readings = (lambda x: x[0:1], lambda x: np.array([[measured_accel(x[:, 0], body)]]))
     for k in range(n):
         if k > 0:
-            ekf.F = Fs[k] = jacobian(ekf.x[:, 0], force[k], car)
+            ekf.F = jacobian(ekf.x[:, 0], force[k], car)
             ekf.Q = process_noise(ekf.x[:, 0], Q)
             ekf.predict(force[k])
-        x_priors[k], P_priors[k] = ekf.x[:, 0], ekf.P
         squares = []
         for i, z in enumerate((speed[k], accel[k])):
             if not np.isfinite(z):
@@ -270,15 +264,18 @@ def _filter_reference(
         if squares:
             innovation[k, 2] = np.mean(squares)
         xs[k], Ps[k] = ekf.x[:, 0], ekf.P
-    return xs, Ps, x_priors, P_priors, Fs, innovation, rejected
+    return xs, Ps, innovation, rejected
 
 
 def _smooth_reference(
-    xs: Floats, Ps: Floats, x_priors: Floats, P_priors: Floats, Fs: Floats
+    xs: Floats, Ps: Floats, force: Floats, Q: Floats, car: Floats
 ) -> tuple[Floats, Floats]:
     ys, Ss = xs.copy(), Ps.copy()
     for k in range(len(xs) - 2, -1, -1):
-        C = np.linalg.solve(P_priors[k + 1], Fs[k + 1] @ Ps[k]).T
-        ys[k] += C @ (ys[k + 1] - x_priors[k + 1])
-        Ss[k] += C @ (Ss[k + 1] - P_priors[k + 1]) @ C.T
+        F = jacobian(xs[k], force[k + 1], car)
+        x_prior = transition(xs[k], force[k + 1], car)
+        P_prior = F @ Ps[k] @ F.T + process_noise(xs[k], Q)
+        C = np.linalg.solve(P_prior, F @ Ps[k]).T
+        ys[k] += C @ (ys[k + 1] - x_prior)
+        Ss[k] += C @ (Ss[k + 1] - P_prior) @ C.T
     return ys, Ss
