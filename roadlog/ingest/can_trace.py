@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from array import array
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.ingest import can
 from roadlog.ingest.frame import Recording
+from roadlog.ingest.parsers import guarded
 from roadlog.ingest.profile import Profile
+from roadlog.storage.spool import ROWS
 
 PAYLOAD = 64  # bytes, CAN FD
 HEAD = 4096  # bytes looked at
@@ -50,40 +54,68 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
         import can as python_can
     except ImportError:
         raise MissingExtraError("a CAN trace", "can") from None
-    messages = can.load(dbc)
+    decoder = can.Decoder(can.load(dbc), path.name, profile)
+    losses: list[str] = []
+    for frames in _batches(python_can, path, losses):
+        decoder.add(frames)
+    decoded = decoder.recording()
+    return Recording(decoded.frames, (*losses, *decoded.losses), decoded.notes)
+
+
+def _batches(python_can: Any, path: Path, losses: list[str]) -> Iterator[can.CanFrames]:
+    """Data frames in batches of ROWS. Raises LogReadError when there is none."""
     name = _reader(path)
     assert name is not None  # `recognizes` was asked
-    times: list[int] = []
-    identifiers: list[int] = []
-    lengths: list[int] = []
-    payload = bytearray()
-    losses: list[str] = []
-    try:
-        # ASC: stamps with the date of its header, in the machine's zone as the format has it
-        options = {"relative_timestamp": False} if name == "ASCReader" else {}
-        with getattr(python_can, name)(path, **options) as reader:
-            promised = getattr(reader, "file_size", 0)  # BLF: what its header says
-            if promised > path.stat().st_size:
-                share = path.stat().st_size / promised
-                losses.append(f"{path.name}: cut short: {share:.0%} of the file is there")
-            for frame in reader:
-                if frame.is_error_frame or frame.is_remote_frame:
-                    continue
-                times.append(round(frame.timestamp * 1e9))
-                identifiers.append(
-                    frame.arbitration_id | (can.EXTENDED if frame.is_extended_id else 0)
-                )
-                lengths.append(len(frame.data))
-                payload += bytes(frame.data).ljust(PAYLOAD, b"\0")
-    except Exception as error:  # each reader raises its own types for a cut-off file
-        if not times:
-            raise LogReadError(f"{path}: cannot be read as a CAN trace: {error}") from error
-        losses.append(f"{path.name}: unreadable after {len(times)} frames: {error}")
-    frames = can.CanFrames(
-        np.array(times, np.int64),
-        np.array(identifiers, np.uint32),
-        np.frombuffer(bytes(payload), np.uint8).reshape(-1, PAYLOAD),
-        np.array(lengths, np.uint8),
-    )
-    decoded = can.decode(frames, messages, path.name, profile)
-    return Recording(decoded.frames, (*losses, *decoded.losses), decoded.notes)
+    # ASC: stamps with the date of its header, in the machine's zone as the format has it
+    options = {"relative_timestamp": False} if name == "ASCReader" else {}
+    batch = _Batch()
+    count = 0
+    broken: list[str] = []
+    with guarded(path, "a CAN trace", broken), getattr(python_can, name)(path, **options) as reader:
+        promised = getattr(reader, "file_size", 0)  # BLF: what its header says
+        if promised > path.stat().st_size:
+            share = path.stat().st_size / promised
+            losses.append(f"{path.name}: cut short: {share:.0%} of the file is there")
+        for frame in reader:
+            if frame.is_error_frame or frame.is_remote_frame:
+                continue
+            batch.add(frame)
+            count += 1
+            if len(batch) == ROWS:
+                yield batch.frames()
+                batch = _Batch()
+    if broken and not count:
+        raise LogReadError(broken[0])
+    losses += [f"{sentence}; the {count} frames before are kept" for sentence in broken]
+    yield batch.frames()
+
+
+class _Batch:
+    """Frames of python-can as they come."""
+
+    def __init__(self) -> None:
+        self.time, self.identifier, self.length = array("q"), array("L"), array("B")
+        self.payload = bytearray()
+
+    def __len__(self) -> int:
+        return len(self.length)
+
+    def add(self, frame: Any) -> None:
+        """One data frame."""
+        data = bytes(frame.data)
+        if len(data) > PAYLOAD:
+            raise ValueError(f"a frame of {len(data)} bytes")
+        self.time.append(round(frame.timestamp * 1e9))
+        self.identifier.append(frame.arbitration_id | (can.EXTENDED if frame.is_extended_id else 0))
+        self.payload += data.ljust(PAYLOAD, b"\0")
+        self.length.append(len(data))
+
+    def frames(self) -> can.CanFrames:
+        """As columns."""
+        n = len(self)  # a frame that was refused may have left its time
+        return can.CanFrames(
+            np.array(self.time[:n], np.int64),
+            np.array(self.identifier[:n], np.uint32),
+            np.frombuffer(bytes(self.payload[: n * PAYLOAD]), np.uint8).reshape(-1, PAYLOAD),
+            np.array(self.length, np.uint8),
+        )

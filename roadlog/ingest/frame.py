@@ -84,6 +84,11 @@ def _concatenated(group: list[Frame]) -> Frame:
     return Frame(group[0].name, files, time, columns, group[0].units, group[0].kind)
 
 
+def unread(name: str, file: str, columns: Iterable[str], kind: str = "") -> Frame:
+    """What nobody asked for: the names of its columns over a single row."""
+    return Frame(name, file, np.zeros(1, np.int64), {c: absent(1) for c in columns}, kind=kind)
+
+
 def absent(size: int) -> NDArray:
     """A column that nobody asked for: its name counts, its values take no memory."""
     return np.broadcast_to(np.float64("nan"), size)

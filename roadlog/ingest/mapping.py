@@ -192,12 +192,9 @@ def refreshed(time: Stamps, values: Floats, before: float = np.nan) -> Bools:
 
 
 def _numbers(values: NDArray, role: str) -> Floats:
-    try:
-        return np.array(values, np.float64)
-    except (TypeError, ValueError):
-        raise ConfigError(
-            f"{role}: its source holds text, not numbers (e.g. {values[0]!r})"
-        ) from None
+    if values.dtype.kind not in "bifu":
+        raise ConfigError(f"{role}: its source holds no numbers (e.g. {values[0]!r})")
+    return np.array(values, np.float64)
 
 
 def _table(section: Section, values: Mapping[str, tuple[Stamps, Floats]]) -> Table:

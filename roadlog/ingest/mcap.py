@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from roadlog.errors import LogReadError
 from roadlog.ingest import ros, times
-from roadlog.ingest.frame import Frame, Recording, absent
+from roadlog.ingest.frame import Frame, Recording, absent, unread
 from roadlog.ingest.profile import Clock, Profile
 from roadlog.storage import Channel, LogReader, Table
 from roadlog.types import Stamps
@@ -59,15 +59,7 @@ def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
             kind = ros.kind(channel.schema)
             wanted = [f for f in fields if profile.reads(f, topic, kind)]
             if not wanted:
-                frames.append(
-                    Frame(
-                        topic,
-                        path.name,
-                        np.zeros(1, np.int64),
-                        {f: absent(1) for f in fields},
-                        kind=kind,
-                    )
-                )
+                frames.append(unread(topic, path.name, fields, kind))
                 continue
             stamp = _stamp(clock, fields)
             read_clock = "log" if clock.clock == "header" else clock.clock

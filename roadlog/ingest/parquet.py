@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.ingest import times
 from roadlog.ingest.frame import Frame, Recording, absent
+from roadlog.ingest.parsers import guarded
 from roadlog.ingest.profile import Profile
+from roadlog.storage.spool import ROWS, Spool
 
 MAGIC = b"PAR1"
 
@@ -37,25 +40,39 @@ def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
     """
     del dbc
     file = _opened(path)
-    schema = file.schema_arrow
-    clock = times.time_column(schema.names, profile.clock.column, str(path))
-    wanted = [name for name in schema.names if name != clock and profile.reads(name)]
-    try:
-        table = file.read([clock, *wanted])
-    except Exception as error:  # pyarrow's own tree, and OSError of a damaged page
-        raise LogReadError(f"{path}: cannot be read: {error}") from error
-    if not table.num_rows:
+    names_ = file.schema_arrow.names
+    clock = times.time_column(names_, profile.clock.column, str(path))
+    wanted = [name for name in names_ if name != clock and profile.reads(name)]
+    unit, rows = profile.clock.unit, 0
+    time = Spool(np.int64)
+    spools = {name: Spool(np.float64) for name in wanted}
+    texts: dict[str, object] = {}
+    for batch in _batches(path, file, [clock, *wanted]):
+        raw = batch[clock]
+        if not unit and raw.dtype.kind in "iuf":
+            unit = times.unit_of(raw, str(path))
+        stamps, keep = times.stamps(raw, unit, str(path), rows)
+        time.append(stamps)
+        rows += len(raw)
+        for name in wanted:
+            values = batch[name][keep]
+            if values.dtype.kind in "bifu":
+                spools[name].append(values)
+            elif len(values):
+                texts[name] = values[0]
+    if not rows:
         raise LogReadError(f"{path}: has columns but no rows")
-    raw = _array(table[clock])
-    time, keep = times.stamps(raw, profile.clock.unit, str(path))
-    columns = {
-        n: _array(table[n])[keep] if n in wanted else absent(len(time))
-        for n in schema.names
-        if n != clock
+    stamps = time.column()
+    columns: dict[str, NDArray] = {
+        name: spools[name].column() if name in spools else absent(len(stamps))
+        for name in names_
+        if name != clock
     }
-    lost = int((~keep).sum())
+    for name, text in texts.items():
+        columns[name] = np.broadcast_to(np.array(str(text), object), len(stamps))
+    lost = rows - len(stamps)
     losses = (f"{path.name}: {lost} rows without a time left out",) if lost else ()
-    return Recording((Frame("", path.name, time, columns),), losses)
+    return Recording((Frame("", path.name, stamps, columns),), losses)
 
 
 def _opened(path: Path) -> Any:
@@ -63,16 +80,23 @@ def _opened(path: Path) -> Any:
         from pyarrow import parquet
     except ImportError:
         raise MissingExtraError("a Parquet file", "table") from None
-    try:
+    with guarded(path, "Parquet"):
         return parquet.ParquetFile(path)
-    except Exception as error:  # pyarrow's own tree
-        raise LogReadError(f"{path}: cannot be read as Parquet: {error}") from error
+
+
+def _batches(path: Path, file: Any, columns: list[str]) -> Iterator[dict[str, NDArray]]:
+    """Some rows at a time, column by column."""
+    with guarded(path, "Parquet"):
+        for batch in file.iter_batches(ROWS, columns=columns):
+            yield {name: _array(batch[name]) for name in columns}
 
 
 def _array(column: Any) -> NDArray:
     import pyarrow
 
     if pyarrow.types.is_timestamp(column.type):
-        values = column.cast(pyarrow.timestamp("ns", column.type.tz)).to_numpy()
-        return values.astype("datetime64[ns]")
-    return np.asarray(column.to_numpy())
+        column = column.cast(pyarrow.timestamp("ns", column.type.tz))
+        return np.asarray(column.to_numpy(zero_copy_only=False).astype("datetime64[ns]"))
+    if pyarrow.types.is_decimal(column.type) or pyarrow.types.is_boolean(column.type):
+        column = column.cast(pyarrow.float64())
+    return np.asarray(column.to_numpy(zero_copy_only=False))
