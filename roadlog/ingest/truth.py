@@ -23,8 +23,8 @@ def from_gnss(tables: Sequence[Table]) -> Table:
 
     A local straight line is fitted to altitude over distance with Gaussian weights (sd 4 s;
     Cleveland 1979, local regression). Distance is the integral of the GNSS speed, or of /speed.
-    sd is that of the fitted slope from the scatter about the line; the receiver's slow errors are
-    not in it. Raises LogReadError without altitude and speed.
+    sd is that of the fitted slope where the scatter about the line wanders as a receiver's error
+    does. Raises LogReadError without altitude and speed.
     """
     by_topic = {table.topic: table for table in tables}
     gnss = by_topic.get(SECTIONS["gnss"].topic)
@@ -76,7 +76,13 @@ def _known(table: Table | None, column: str) -> tuple[Stamps, Floats] | None:
 
 
 def _slope(x: Floats, y: Floats, weight: Floats) -> tuple[float, float]:
-    """Slope and its sd of a weighted straight line; NaN with fewer than four points' weight."""
+    """Slope and its sd of a weighted straight line; NaN with fewer than four points' weight.
+
+    sd: rms residual over rms distance of the window. That is exact where the error of y is a random
+    walk along x: with Gaussian weights of sd T and q of variance per unit, the slope has q / (2
+    sqrt(pi) T) of variance and the residuals have T^2 times that. As large is what a line leaves
+    out near a bend of the road.
+    """
     total = weight.sum()
     effective = total**2 / (weight**2).sum()
     dx, dy = x - (weight * x).sum() / total, y - (weight * y).sum() / total
@@ -84,8 +90,7 @@ def _slope(x: Floats, y: Floats, weight: Floats) -> tuple[float, float]:
     if effective < 4 or spread <= 0:
         return np.nan, np.nan
     slope = (weight * dx * dy).sum() / spread
-    variance = (weight * (dy - slope * dx) ** 2).sum() / total * effective / (effective - 2)
-    return float(slope), float(np.sqrt(variance * (weight**2 * dx**2).sum()) / spread)
+    return float(slope), float(np.sqrt((weight * (dy - slope * dx) ** 2).sum() / spread))
 
 
 def table(time: Stamps, grade: Floats, sd: Floats) -> Table:
