@@ -8,14 +8,12 @@ Source: fusion chapter; sections are named below.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from roadlog.drive import Drive, runs
 from roadlog.estimate import Detail, Estimate, complete_angles
-from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.fusion_inputs import RATE, SpeedSource, build, grid, vibration
+from roadlog.estimators.base import ANY_SPEED, Estimator, flag
+from roadlog.estimators.fusion_inputs import build, grid
 from roadlog.estimators.fusion_model import (
     ALTITUDE,
     BA,
@@ -26,10 +24,7 @@ from roadlog.estimators.fusion_model import (
     EP,
     ER,
     FORWARD,
-    HB,
-    HC,
     HEADING,
-    HO,
     KAPPA,
     KBETA,
     KPHI,
@@ -42,7 +37,7 @@ from roadlog.estimators.fusion_model import (
     MTHETA,
     NOSE,
     PHI,
-    PSI,
+    RATE,
     ROLL,
     TAU,
     THETA,
@@ -51,14 +46,9 @@ from roadlog.estimators.fusion_model import (
     UP,
     XR,
     YW,
-    H,
-    N,
-    Noise,
     Steps,
-    U,
-    V,
-    W,
 )
+from roadlog.estimators.fusion_priors import FusionParameters, know_torque, noise_of, priors
 from roadlog.estimators.fusion_smoother import (
     BANK,
     GRADE,
@@ -69,6 +59,7 @@ from roadlog.estimators.fusion_smoother import (
     Smoothed,
     smooth,
 )
+from roadlog.estimators.fusion_speed import SpeedSource
 from roadlog.estimators.fusion_torque import torque_bias
 from roadlog.filters import Engine
 from roadlog.types import Bools, Floats
@@ -78,7 +69,6 @@ from roadlog.vehicle import Vehicle
 DEG = np.pi / 180
 SMALL_MOUNTING = 1.0 * DEG  # beyond this the filter linearises once more (section 7)
 MAX_PASSES = 3
-CALIBRATED_MOUNTING = 0.1 * DEG  # a mounting that the vehicle file gives is no better (section 3)
 SPEED_GAP = 3.0  # s without speed, flagged (section 7)
 SETTLE = 2.0  # s at the ends of a run of the IMU, flagged
 LINEAR_TIRES = 5.0  # m/s2 of lateral specific force, beyond which tires are not linear
@@ -86,8 +76,6 @@ OFFSET_LIMIT = 0.15 * DEG  # sd of the mean of grade or bank, beyond which it is
 ROAD_BAND = 1.5  # Hz, what changes faster is the body on its springs, not the road
 UNKNOWN_ARM = 0.03  # m/s2, of an accelerometer bias that curves tell an IMU of unknown place (10.4)
 LEARNED = 0.7  # a constant whose sd is this share of its prior's was found in the drive
-SAME_GAIN = 0.01  # a roll gradient this near m h / k was computed, not measured
-FAST_GNSS = 5.0  # Hz; slower receivers are of the consumer kind, with a slower and larger error
 
 OUTPUTS = {
     "grade": GRADE,
@@ -117,51 +105,6 @@ CONSTANTS = {
     "rear_axle_x": XR,
     "speed_offset_y": YW,
 }
-
-
-@dataclass(frozen=True)
-class FusionParameters:
-    """Fusion chapter, sections 3 (priors), 5 (process) and 6 (rows), unless said."""
-
-    smooth: bool = parameter(
-        True, "", "look ahead; without, each sample is of the past alone, but for the noise levels"
-    )
-    accel_bias_sd: float = parameter(0.05, "m/s2", "prior, x and y; z twice that")
-    gyro_bias_sd: float = parameter(0.3 * DEG, "rad/s", "prior, per axis")
-    mounting_sd: float = parameter(
-        0.3 * DEG, "rad", "prior of the IMU against the body, where the vehicle file gives none"
-    )
-    speed_scale_sd: float = parameter(0.01, "-", "prior")
-    speed_delay_sd: float = parameter(0.1, "s", "prior; 0.03 where one logger stamps all")
-    pitch_gain_sd: float = parameter(0.001, "rad/(m/s2)", "prior")
-    pitch_side_sd: float = parameter(
-        0.0004, "rad/(m/s2)", "prior of the pitch gain's excess when driving over braking"
-    )
-    roll_gain_sd: float = parameter(0.0015, "rad/(m/s2)", "prior")
-    load_pitch_sd: float = parameter(
-        0.0, "rad", "prior of the body's pitch by load; 0: pitch is against the unmoving body"
-    )
-    accel_noise: float = parameter(0.03, "m/s2/sqrt(Hz)", "forward and sideways")
-    vertical_noise: float = parameter(0.05, "m/s2/sqrt(Hz)", "upward, at least")
-    vertical_vibration: float = parameter(0.5, "-", "upward noise per vibration of the road")
-    gyro_noise: float = parameter(0.02 * DEG, "rad/sqrt(s)", "of the tilt")
-    body_angle_sd: float = parameter(0.025 * DEG, "rad", "body angle the gains do not explain")
-    body_vibration: float = parameter(
-        1.8 * DEG, "rad/(m/s2/sqrt(Hz))", "body angle per vibration of the road"
-    )
-    body_share: float = parameter(0.08, "-", "body angle, as a share of the explained one")
-    body_inertia_share: float = parameter(
-        0.25, "-", "body angle, as a share of the one that its inertia explains"
-    )
-    body_time: float = parameter(0.5, "s", "correlation time of the body angle")
-    speed_sd: float = parameter(0.15, "m/s", "of a step's speed; wheel errors are correlated")
-    creep_speed_sd: float = parameter(0.3, "m/s", "of a step's speed below 1 m/s")
-    slip_sd: float = parameter(0.15, "m/s", "sideways slip beyond the linear tire")
-    contact_sd: float = parameter(0.10, "m/s", "velocity out of the road, at least")
-    contact_vibration: float = parameter(
-        2.5, "m/s/(m/s2/sqrt(Hz))", "velocity out of the road per vibration"
-    )
-    gate: float = parameter(4.0, "sd", "residuals beyond this lose weight")
 
 
 def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Engine) -> Estimate:
@@ -220,97 +163,6 @@ def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Eng
         *_offset_notes(offset[reported]),
     ]
     return Estimate(drive.time, out, sd, alive & ~missing, flags, details, notes)
-
-
-def priors(
-    vehicle: Vehicle, params: FusionParameters, source: SpeedSource
-) -> tuple[Floats, Floats]:
-    """Prior of the constants (29,) and of all states (29, 29) (section 3)."""
-    mean, sd = np.zeros(N), np.zeros(N)
-    sd[[U, V, W]] = 1.0, 0.3, 0.3
-    sd[[PHI, THETA]] = 3 * DEG
-    sd[[EP, ER]] = 0.1 * DEG
-    sd[BG : BG + 3] = params.gyro_bias_sd
-    sd[BA : BA + 3] = np.array([1, 1, 2]) * params.accel_bias_sd
-    mounted = vehicle.source("imu_mount").axis_sd
-    sd[MPHI : MPSI + 1] = (
-        params.mounting_sd if mounted is None else np.maximum(mounted, CALIBRATED_MOUNTING)
-    )
-    sd[KAPPA] = params.speed_scale_sd
-    mean[KTHETA], mean[KPHI] = vehicle.pitch_gain, _roll_gain(vehicle)
-    sd[KTHETA] = vehicle.source("pitch_gradient").sd or params.pitch_gain_sd
-    sd[KSIDE] = params.pitch_side_sd
-    sd[KPHI] = vehicle.source("roll_gradient").sd or params.roll_gain_sd
-    known = vehicle.source("rear_cornering_stiffness").kind != "default"
-    slip = vehicle.mass * vehicle.cg_to_front_axle / vehicle.wheelbase
-    mean[KBETA] = slip / vehicle.rear_cornering_stiffness if known else 0.008
-    sd[KBETA] = 0.004
-    sd[TAU] = 3 * params.speed_delay_sd if source.name == "gnss" else params.speed_delay_sd
-    if vehicle.imu_position is not None:
-        mean[XR], sd[XR] = -vehicle.cg_to_rear_axle, 0.05
-    else:
-        mean[XR], sd[XR] = -1.4, 0.7
-    mean[YW], sd[YW] = source.offset, source.offset_sd
-    sd[PSI], sd[H], sd[HO], sd[HB], sd[HC] = 0.3, 5.0, 1.0, 1.0, 5.0
-    return mean, np.diag(sd**2)
-
-
-def _roll_gain(vehicle: Vehicle) -> float:
-    """rad/(m/s2), body roll per lateral specific force in the road's plane (section 8.4).
-
-    m h / k is per force along the body's own axis, which the roll itself increases by g K.
-    """
-    gain = vehicle.roll_gain
-    if vehicle.roll_stiffness is None:
-        return gain
-    of_body = vehicle.mass * vehicle.roll_arm / vehicle.roll_stiffness
-    return gain / (1 - G * gain) if abs(gain / of_body - 1) < SAME_GAIN else gain
-
-
-def know_torque(mean: Floats, P0: Floats, bias: float, sd: float) -> None:
-    """Put the accelerometer bias that the wheel torques tell into the prior (section 6)."""
-    h = np.zeros(N)
-    h[BA], h[MTHETA] = 1.0, G
-    gain = P0 @ h / (h @ P0 @ h + sd**2)
-    mean += gain * (bias - h @ mean)
-    P0 -= np.outer(gain, h @ P0)
-
-
-def noise_of(steps: Steps, vehicle: Vehicle, params: FusionParameters, drive: Drive) -> Noise:
-    rough = vibration(steps)
-    fast = "gnss" in drive.native and np.median(np.diff(drive.native["gnss"].time)) < 1 / FAST_GNSS
-    return Noise(
-        accel=params.accel_noise,
-        accel_gain=0.01,
-        yaw_slip=0.002,
-        vertical=max(params.vertical_noise, params.vertical_vibration * rough),
-        vertical_gain=0.002,
-        gyro=params.gyro_noise,
-        gyro_bias=5e-6,
-        accel_bias=1e-4,
-        body=params.body_angle_sd + params.body_vibration * rough,
-        body_gain=params.body_share,
-        inertia_gain=params.body_inertia_share,
-        body_time=params.body_time,
-        pitch_gain=vehicle.pitch_gain,
-        roll_gain=_roll_gain(vehicle),
-        yaw=0.02 * DEG,
-        yaw_gain=0.002,
-        altitude=1e-3,
-        altimeter=1.0 if fast else 2.0,
-        altimeter_time=60.0 if fast else 120.0,
-        barometer=1.0,
-        barometer_time=120.0,
-        slip_sd=params.slip_sd,
-        slip_gain=0.003,
-        slip_yaw=0.05,
-        contact_sd=float(np.hypot(params.contact_sd, params.contact_vibration * rough)),
-        still_sd=0.02,
-        still_gyro_sd=0.05 * DEG,
-        every=round(0.1 / steps.dt),
-        gate=params.gate,
-        still_gate=3.0,
-    )
 
 
 def _angles(

@@ -6,41 +6,36 @@ section 7 (start, standstill).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from roadlog.drive import Drive, Samples, nan_mean, runs
+from roadlog.drive import Drive, runs
 from roadlog.errors import EstimatorError
+from roadlog.estimators.fusion_fixes import fixes_of, revisits
 from roadlog.estimators.fusion_model import (
     ALTITUDE,
-    BAROMETER,
-    CLOSURE,
     EAST,
     FORWARD,
-    HEADING,
     LATERAL,
     LEAN,
     NORTH,
     NOSE,
     PHI,
     PSI,
-    ROLL,
+    RATE,
     THETA,
     TIRE,
     UNSIGNED,
-    UP,
     H,
     N,
     Steps,
     U,
 )
+from roadlog.estimators.fusion_speed import SpeedSource, binned, interpolated, speed_source
 from roadlog.filters.kernels import odd_window, slope
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import Vehicle
 
-RATE = 50.0  # Hz; 25 Hz gives the same (section 10.6)
 MAX_FORCE = 50.0  # m/s2; no car on its wheels reaches it, a broken message does
 MAX_RATE = 8.0  # rad/s, likewise
 FROZEN = 0.5  # s; six signals that repeat for longer while the car moves are no measurement
@@ -58,38 +53,7 @@ RATE_WINDOW = 0.11  # s, for the derivative of the gyro
 STILL_SPEED, STILL_TIME = 0.06, 0.3  # m/s, s to either side
 STILL_GYRO, STILL_ACCEL = 0.003, 0.03  # rad/s, m/s2, floor of the quiet peak-to-peak
 QUIET_PERCENTILE, QUIET_FACTOR = 30, 3
-SPEED_GAP = 1.0  # s, speed is interpolated across for the standstill mask
 CREEP = 1.0  # m/s, below this unsigned wheel sensors say little
-MIN_COURSE_SPEED = 1.0  # m/s, below this the course is noise
-ALTITUDE_INTERVAL = 1.0  # s, between altitudes used: their error is correlated over more than that
-ACCURACY_FACTOR = 2.0  # receivers' errors are correlated over several samples
-VELOCITY_SD, CLIMB_SD, ALTITUDE_SD = 0.06, 0.12, 1.0  # m/s, m/s, m; where nothing is reported
-BAROMETER_SD = 0.3  # m, of one value; its slow error is a state
-CLOSURE_SD = 0.5  # m, altitude at a second visit of a place (section 6)
-HEADING_SD, ROLL_SD = np.radians(0.3), np.radians(0.6)
-GNSS_DELAYS = np.arange(-30, 151) / 100  # s, tried for the receiver against the car's own speed
-METERS_PER_DEGREE = 111_195.0  # of latitude, on a sphere
-REVISIT_STEP = 0.2  # s between places that are compared
-REVISIT_GAP = 3.0  # s between fixes; across more the place is not known
-REVISIT_RADIUS, REVISIT_HEIGHT = 4.0, 3.0  # m; a lane beside is as high, a floor above is not
-REVISIT_TIME, REVISIT_PATH = 20.0, 100.0  # s, m between two visits
-DELAY_CORRELATION = (
-    5.0  # the sd of a delay grows by this: the residuals of speeds are no white noise
-)
-DELAY_COHERENCE = 0.9  # correlation of the two speeds, below which no delay is looked for
-DELAY_SPREAD = 0.5  # m/s, sd of the speed, below which neither
-DELAY_GATE = 3.0  # sd, a smaller delay is not applied
-
-
-@dataclass(frozen=True)
-class SpeedSource:
-    """The speed channel: name, samples, and how far left of the center line it is measured (m)."""
-
-    name: str
-    time: Floats
-    value: Floats
-    offset: float
-    offset_sd: float
 
 
 def grid(drive: Drive) -> Floats:
@@ -115,15 +79,15 @@ def build(
         lever = _lever(point[:, 3:], arm, alive, dt)
         point[:, :3] += lever
         mean[:, :3] += 0.5 * (lever + np.roll(lever, -1, axis=0))
-    source = _speed_source(drive, vehicle)
-    speed = _binned(source.time, source.value, n)
-    shown = _interpolated(source, time)
+    source = speed_source(drive, vehicle)
+    speed = binned(source.time, source.value, n)
+    shown = interpolated(source, time)
     still = _standstill(shown, point, alive)
     speed[still] = np.nan  # the standstill rows say it better
     sway = np.zeros((n, LEAN + 1))
     for run in runs(alive):
         sway[run] = _sway(point[run], vehicle)
-    fixes, fixes_sd = _fixes(drive, time, source)
+    fixes, fixes_sd = fixes_of(drive, time, source)
     clone = revisits(drive, time, alive, fixes, fixes_sd)
     start = np.full(n, -1, np.int64)
     starts: list[Floats] = []
@@ -318,61 +282,6 @@ def _lever(rate: Floats, arm: Floats, alive: Bools, dt: float) -> Floats:
     return np.cross(angular, arm) + np.cross(rate, np.cross(rate, arm))
 
 
-def _speed_source(drive: Drive, vehicle: Vehicle) -> SpeedSource:
-    """The best speed: undriven axle, all wheels, /speed, GNSS."""
-    best = drive.sources_of_speed()[0]
-    samples = drive.native[best]
-    if best != "wheel_speeds":
-        value = samples.columns["v" if best == "speed" else "speed"]
-        return SpeedSource(best, *_known(samples.time, value), 0.0, 0.02)
-    front = [name for name in ("fl", "fr") if name in samples.columns]
-    rear = [name for name in ("rl", "rr") if name in samples.columns]
-    if vehicle.driven == "rear" and front:
-        rear = []
-    elif vehicle.driven == "front" and rear:
-        front = []
-    rows = [samples.columns[name] for name in rear]
-    rows += [_at_rear_axle(samples, name, drive, vehicle) for name in front]
-    wheels = [*rear, *front]
-    sides = sum(1 if name.endswith("l") else -1 for name in wheels) / len(wheels)
-    offset = sides * vehicle.track / 2
-    offset_sd = 0.05 if sides else 0.02  # m; of one wheel the track is not that well known
-    time, value = _known(samples.time, nan_mean(np.stack(rows)))
-    return SpeedSource(f"wheel_speeds ({', '.join(wheels)})", time, value, offset, offset_sd)
-
-
-def _known(time: Floats, value: Floats) -> tuple[Floats, Floats]:
-    known = np.isfinite(value)
-    return time[known], value[known]
-
-
-def _at_rear_axle(samples: Samples, wheel: str, drive: Drive, vehicle: Vehicle) -> Floats:
-    """m/s, forward speed of a front wheel taken to the rear axle: u^2 = v^2 - (L r)^2."""
-    speed = samples.columns[wheel]
-    yaw_rate = np.interp(samples.time, drive.time, np.nan_to_num(drive.get("imu.gyro_z")))
-    across = np.minimum(np.abs(vehicle.wheelbase * yaw_rate), 0.5 * np.abs(speed))
-    return np.sign(speed) * np.sqrt(speed**2 - across**2)
-
-
-def _binned(own: Floats, values: Floats, n: int) -> Floats:
-    """Mean of the samples nearest to each step; NaN where there is none."""
-    index = np.round(own * RATE).astype(np.int64)
-    inside = (index >= 0) & (index < n)
-    count = np.bincount(index[inside], minlength=n)
-    total = np.bincount(index[inside], values[inside], minlength=n)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
-
-
-def _interpolated(source: SpeedSource, time: Floats) -> Floats:
-    """m/s at each step, NaN in gaps of the speed."""
-    result = np.interp(time, source.time, source.value)
-    after = np.clip(np.searchsorted(source.time, time), 1, len(source.time) - 1)
-    gap = source.time[after] - source.time[after - 1]
-    outside = (time < source.time[0] - SPEED_GAP) | (time > source.time[-1] + SPEED_GAP)
-    result[(gap > SPEED_GAP) | outside] = np.nan
-    return result
-
-
 def _standstill(speed: Floats, point: Floats, alive: Bools) -> Bools:
     """Where the car stands and nobody shakes it (section 7)."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
@@ -388,141 +297,6 @@ def _standstill(speed: Floats, point: Floats, alive: Bools) -> Bools:
         usual = np.percentile(shake[still], QUIET_PERCENTILE)
         still = still & (shake < QUIET_FACTOR * usual + floor)
     return still
-
-
-def gnss_delay(drive: Drive, source: SpeedSource) -> float:
-    """s, by which the receiver lags behind the car's own speed; 0 where that cannot be told.
-
-    The delay that leaves the least squares of v_gnss(t) - (a + b v(t - delay)), with its standard
-    error from the curvature; section 8.2 asks the same of band-passed accelerations, which a
-    receiver at 1 Hz does not have.
-    """
-    gnss = drive.native.get("gnss", Samples(np.empty(0), {}))
-    if source.name == "gnss" or "speed" not in gnss.columns or len(source.time) < 2:
-        return 0.0
-    own, speed = _known(gnss.time, gnss.columns["speed"])
-    margin = max(abs(GNSS_DELAYS[0]), GNSS_DELAYS[-1])
-    inside = (own > source.time[0] + margin) & (own < source.time[-1] - margin)
-    own, speed = own[inside], speed[inside]
-    total = float(np.sum((speed - np.mean(speed)) ** 2)) if len(own) else 0.0
-    if len(own) < 10 or total < len(own) * DELAY_SPREAD**2:
-        return 0.0  # at constant speed there is nothing to align
-    misfits = np.empty(len(GNSS_DELAYS))
-    for i, delay in enumerate(GNSS_DELAYS):
-        A = np.stack([np.ones(len(own)), np.interp(own - delay, source.time, source.value)], axis=1)
-        misfits[i] = np.sum((speed - A @ np.linalg.lstsq(A, speed, rcond=None)[0]) ** 2)
-    best = int(np.argmin(misfits))
-    if best in (0, len(misfits) - 1) or misfits[best] > (1 - DELAY_COHERENCE**2) * total:
-        return 0.0
-    step = GNSS_DELAYS[1] - GNSS_DELAYS[0]
-    left, low, right = misfits[best - 1 : best + 2]
-    curvature = (left - 2 * low + right) / step**2
-    delay = float(GNSS_DELAYS[best] + 0.5 * step * (left - right) / (left - 2 * low + right))
-    sd = DELAY_CORRELATION * np.sqrt(2 * low / len(own) / curvature)
-    return delay if abs(delay) > DELAY_GATE * sd else 0.0
-
-
-def _fixes(drive: Drive, time: Floats, source: SpeedSource) -> tuple[Floats, Floats]:
-    """The rows of receiver and barometer at the nearest steps and their sd, (n, 8)."""
-    n = len(time)
-    fixes, sd = np.full((n, CLOSURE + 1), np.nan), np.ones((n, CLOSURE + 1))
-    gnss = drive.native.get("gnss", Samples(np.empty(0), {}))
-    unknown = np.full(len(gnss.time), np.nan)
-
-    def column(name: str) -> Floats:
-        return gnss.columns.get(name, unknown)
-
-    def accuracy(name: str, default: float) -> Floats:
-        reported = column(f"{name}_accuracy")
-        return ACCURACY_FACTOR * np.where(reported > 0, reported, default)
-
-    speed, course = column("speed"), column("course")
-    if source.name == "gnss":
-        speed = unknown  # it is the speed row already
-    at = gnss.time - gnss_delay(drive, source)
-    moving = speed > MIN_COURSE_SPEED
-    # an error of the course moves the car sideways by speed x error
-    across = np.nan_to_num(speed) * np.nan_to_num(column("course_accuracy"))
-    horizontal = np.hypot(accuracy("speed", VELOCITY_SD), ACCURACY_FACTOR * across)
-    entries = {
-        EAST: (np.where(moving, speed * np.cos(course), np.nan), horizontal),
-        NORTH: (np.where(moving, speed * np.sin(course), np.nan), horizontal),
-        UP: (column("climb"), accuracy("climb", CLIMB_SD)),
-        HEADING: (column("heading"), accuracy("heading", HEADING_SD)),
-        ROLL: (column("roll"), accuracy("roll", ROLL_SD)),
-    }
-    for index, (values, spread) in entries.items():
-        _place(fixes, sd, index, at, values, spread)
-    altimeters = [(ALTITUDE, at, column("altitude"), ALTITUDE_SD)]
-    if "barometer" in drive.native:
-        barometer = drive.native["barometer"]
-        altimeters.append((BAROMETER, barometer.time, barometer.columns["altitude"], BAROMETER_SD))
-    for index, times, values, noise in altimeters:
-        own, altitude = _known(times, values)
-        if len(own):
-            chosen = np.unique(np.floor(own / ALTITUDE_INTERVAL), return_index=True)[1]
-            own, altitude = own[chosen], altitude[chosen] - altitude[0]
-            _place(fixes, sd, index, own, altitude, np.full(len(own), noise))
-    return fixes, sd
-
-
-def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: Floats) -> Bools:
-    """Steps whose altitude is kept; places seen again become rows of `fixes` (section 6).
-
-    By the receiver's position, where its altitude agrees: ramps of a car park lie above each other.
-    One altitude is kept at a time.
-    """
-    from scipy.spatial import cKDTree
-
-    clone = np.zeros(len(time), np.bool_)
-    names = "latitude", "longitude", "altitude"
-    gnss = drive.native.get("gnss", Samples(np.empty(0), {}))
-    if any(name not in gnss.columns for name in names):
-        return clone
-    known = np.all([np.isfinite(gnss.columns[name]) for name in names], axis=0)
-    own = gnss.time[known]
-    latitude, longitude, altitude = (gnss.columns[name][known] for name in names)
-    if len(own) < 2 or np.ptp(longitude) > 1.0:  # deg; none so long, or across the date line
-        return clone
-    north = METERS_PER_DEGREE * (latitude - latitude[0])
-    east = METERS_PER_DEGREE * np.cos(np.radians(latitude[0])) * (longitude - longitude[0])
-    path = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(east), np.diff(north)))])
-    at = np.arange(own[0], own[-1], REVISIT_STEP)
-    gap = np.diff(own)[np.clip(np.searchsorted(own, at, side="right") - 1, 0, len(own) - 2)]
-    at = at[gap < REVISIT_GAP]
-    if not len(at):
-        return clone
-    place = np.stack([np.interp(at, own, east), np.interp(at, own, north)], axis=1)
-    height, driven = np.interp(at, own, altitude), np.interp(at, own, path)
-    run = np.cumsum(~alive)  # the same number on both sides of no gap
-    kept = 0
-    for j, near in enumerate(cKDTree(place).query_ball_point(place, REVISIT_RADIUS)):
-        k = round(at[j] * RATE)
-        if k >= len(time) or not alive[k]:
-            continue
-        for i in sorted(i for i in near if kept <= i < j):
-            first = round(at[i] * RATE)
-            if (
-                alive[first]
-                and run[first] == run[k]
-                and at[j] - at[i] > REVISIT_TIME
-                and driven[j] - driven[i] > REVISIT_PATH
-                and abs(height[j] - height[i]) < REVISIT_HEIGHT
-            ):
-                clone[first + 1] = True
-                fixes[k, CLOSURE], fixes_sd[k, CLOSURE] = 0.0, CLOSURE_SD
-                kept = j
-                break
-    return clone
-
-
-def _place(
-    fixes: Floats, sd: Floats, column: int, own: Floats, values: Floats, spread: Floats
-) -> None:
-    index = np.round(own * RATE).astype(np.int64)
-    use = np.isfinite(values) & (index >= 0) & (index < len(fixes))
-    fixes[index[use], column] = values[use]
-    sd[index[use], column] = spread[use]
 
 
 def _start(

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
+RATE = 50.0  # Hz, of the smoother's steps; 25 Hz gives the same (section 10.6)
+
 # States. U, V, W: m/s, velocity of the reference point in IMU axes. PHI, THETA: rad, roll and pitch
 # of the IMU against the horizontal. EP, ER: rad, body pitch and roll that the suspension gains do
 # not explain. BG, BA: biases of gyro (rad/s) and accelerometer (m/s2), three each. MPHI, MTHETA,

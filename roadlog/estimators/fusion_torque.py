@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from roadlog.drive import Drive
-from roadlog.estimators.fusion_inputs import RATE, grid
-from roadlog.estimators.fusion_model import Steps
+from roadlog.estimators.fusion_inputs import grid
+from roadlog.estimators.fusion_model import RATE, Steps
 from roadlog.filters.kernels import odd_window, slope
 from roadlog.signals import WHEELS
 from roadlog.types import Bools, Floats

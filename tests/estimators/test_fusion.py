@@ -13,7 +13,7 @@ from conftest import hill_tables, table
 from roadlog import estimators
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
-from roadlog.estimators.fusion_inputs import SpeedSource, gnss_delay
+from roadlog.estimators.fusion_speed import SpeedSource, gnss_delay
 from roadlog.log import AngleTrack
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
 from roadlog.signals import FLAGS, TRUTH_TOPIC

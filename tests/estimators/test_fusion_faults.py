@@ -8,13 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import table
+from roadlog.estimators.fusion_priors import FusionParameters
 
 from roadlog import estimators
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
-from roadlog.estimators.fusion import FUSION, FusionParameters
-from roadlog.estimators.fusion_inputs import _speed_source, build, gnss_delay, grid, revisits
+from roadlog.estimators.fusion import FUSION
+from roadlog.estimators.fusion_fixes import revisits
+from roadlog.estimators.fusion_inputs import build, grid
 from roadlog.estimators.fusion_model import CLOSURE
+from roadlog.estimators.fusion_speed import gnss_delay, speed_source
 from roadlog.estimators.fusion_torque import torque_bias
 from roadlog.log import AngleTrack
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
@@ -235,7 +238,7 @@ def test_no_delay_is_read_from_a_constant_speed() -> None:
     """At constant speed a receiver's lag does not show; guessing it bent the bank by 0.5 deg."""
     slalom = simulate("ryu2004-slalom")
     _, figures, drive = run(slalom)
-    assert gnss_delay(drive, _speed_source(drive, slalom.vehicle)) == 0.0
+    assert gnss_delay(drive, speed_source(drive, slalom.vehicle)) == 0.0
     assert (figures["bank"].rmse_deg or 1) < 0.06
 
 

@@ -1,0 +1,139 @@
+"""What a receiver and a barometer tell `fusion`: fixes, and places that are seen again.
+
+Source: fusion chapter, section 6 (which sample feeds which row).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from roadlog.drive import Drive, Samples
+from roadlog.estimators.fusion_model import (
+    ALTITUDE,
+    BAROMETER,
+    CLOSURE,
+    EAST,
+    HEADING,
+    NORTH,
+    RATE,
+    ROLL,
+    UP,
+)
+from roadlog.estimators.fusion_speed import SpeedSource, gnss_delay, known_samples
+from roadlog.types import Bools, Floats
+
+MIN_COURSE_SPEED = 1.0  # m/s, below this the course is noise
+ALTITUDE_INTERVAL = 1.0  # s, between altitudes used: their error is correlated over more than that
+ACCURACY_FACTOR = 2.0  # receivers' errors are correlated over several samples
+VELOCITY_SD, CLIMB_SD, ALTITUDE_SD = 0.06, 0.12, 1.0  # m/s, m/s, m; where nothing is reported
+BAROMETER_SD = 0.3  # m, of one value; its slow error is a state
+CLOSURE_SD = 0.5  # m, altitude at a second visit of a place (section 6)
+HEADING_SD, ROLL_SD = np.radians(0.3), np.radians(0.6)
+METERS_PER_DEGREE = 111_195.0  # of latitude, on a sphere
+REVISIT_STEP = 0.2  # s between places that are compared
+REVISIT_GAP = 3.0  # s between fixes; across more the place is not known
+REVISIT_RADIUS, REVISIT_HEIGHT = 4.0, 3.0  # m; a lane beside is as high, a floor above is not
+REVISIT_TIME, REVISIT_PATH = 20.0, 100.0  # s, m between two visits
+
+
+def fixes_of(drive: Drive, time: Floats, source: SpeedSource) -> tuple[Floats, Floats]:
+    """The rows of receiver and barometer at the nearest steps and their sd, (n, 8)."""
+    n = len(time)
+    fixes, sd = np.full((n, CLOSURE + 1), np.nan), np.ones((n, CLOSURE + 1))
+    gnss = drive.native.get("gnss", Samples(np.empty(0), {}))
+    unknown = np.full(len(gnss.time), np.nan)
+
+    def column(name: str) -> Floats:
+        return gnss.columns.get(name, unknown)
+
+    def accuracy(name: str, default: float) -> Floats:
+        reported = column(f"{name}_accuracy")
+        return ACCURACY_FACTOR * np.where(reported > 0, reported, default)
+
+    speed, course = column("speed"), column("course")
+    if source.name == "gnss":
+        speed = unknown  # it is the speed row already
+    at = gnss.time - gnss_delay(drive, source)
+    moving = speed > MIN_COURSE_SPEED
+    # an error of the course moves the car sideways by speed x error
+    across = np.nan_to_num(speed) * np.nan_to_num(column("course_accuracy"))
+    horizontal = np.hypot(accuracy("speed", VELOCITY_SD), ACCURACY_FACTOR * across)
+    entries = {
+        EAST: (np.where(moving, speed * np.cos(course), np.nan), horizontal),
+        NORTH: (np.where(moving, speed * np.sin(course), np.nan), horizontal),
+        UP: (column("climb"), accuracy("climb", CLIMB_SD)),
+        HEADING: (column("heading"), accuracy("heading", HEADING_SD)),
+        ROLL: (column("roll"), accuracy("roll", ROLL_SD)),
+    }
+    for index, (values, spread) in entries.items():
+        _place(fixes, sd, index, at, values, spread)
+    altimeters = [(ALTITUDE, at, column("altitude"), ALTITUDE_SD)]
+    if "barometer" in drive.native:
+        barometer = drive.native["barometer"]
+        altimeters.append((BAROMETER, barometer.time, barometer.columns["altitude"], BAROMETER_SD))
+    for index, times, values, noise in altimeters:
+        own, altitude = known_samples(times, values)
+        if len(own):
+            chosen = np.unique(np.floor(own / ALTITUDE_INTERVAL), return_index=True)[1]
+            own, altitude = own[chosen], altitude[chosen] - altitude[0]
+            _place(fixes, sd, index, own, altitude, np.full(len(own), noise))
+    return fixes, sd
+
+
+def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: Floats) -> Bools:
+    """Steps whose altitude is kept; places seen again become rows of `fixes` (section 6).
+
+    By the receiver's position, where its altitude agrees: ramps of a car park lie above each other.
+    One altitude is kept at a time.
+    """
+    from scipy.spatial import cKDTree
+
+    clone = np.zeros(len(time), np.bool_)
+    names = "latitude", "longitude", "altitude"
+    gnss = drive.native.get("gnss", Samples(np.empty(0), {}))
+    if any(name not in gnss.columns for name in names):
+        return clone
+    known = np.all([np.isfinite(gnss.columns[name]) for name in names], axis=0)
+    own = gnss.time[known]
+    latitude, longitude, altitude = (gnss.columns[name][known] for name in names)
+    if len(own) < 2 or np.ptp(longitude) > 1.0:  # deg; none so long, or across the date line
+        return clone
+    north = METERS_PER_DEGREE * (latitude - latitude[0])
+    east = METERS_PER_DEGREE * np.cos(np.radians(latitude[0])) * (longitude - longitude[0])
+    path = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(east), np.diff(north)))])
+    at = np.arange(own[0], own[-1], REVISIT_STEP)
+    gap = np.diff(own)[np.clip(np.searchsorted(own, at, side="right") - 1, 0, len(own) - 2)]
+    at = at[gap < REVISIT_GAP]
+    if not len(at):
+        return clone
+    place = np.stack([np.interp(at, own, east), np.interp(at, own, north)], axis=1)
+    height, driven = np.interp(at, own, altitude), np.interp(at, own, path)
+    run = np.cumsum(~alive)  # the same number on both sides of no gap
+    kept = 0
+    for j, near in enumerate(cKDTree(place).query_ball_point(place, REVISIT_RADIUS)):
+        k = round(at[j] * RATE)
+        if k >= len(time) or not alive[k]:
+            continue
+        for i in sorted(i for i in near if kept <= i < j):
+            first = round(at[i] * RATE)
+            if (
+                alive[first]
+                and run[first] == run[k]
+                and at[j] - at[i] > REVISIT_TIME
+                and driven[j] - driven[i] > REVISIT_PATH
+                and abs(height[j] - height[i]) < REVISIT_HEIGHT
+            ):
+                clone[first + 1] = True
+                fixes[k, CLOSURE], fixes_sd[k, CLOSURE] = 0.0, CLOSURE_SD
+                kept = j
+                break
+    return clone
+
+
+def _place(
+    fixes: Floats, sd: Floats, column: int, own: Floats, values: Floats, spread: Floats
+) -> None:
+    index = np.round(own * RATE).astype(np.int64)
+    use = np.isfinite(values) & (index >= 0) & (index < len(fixes))
+    fixes[index[use], column] = values[use]
+    sd[index[use], column] = spread[use]
