@@ -14,6 +14,7 @@ from roadlog.errors import ConfigError, LogReadError, near
 from roadlog.ingest import clocks, mapping, survey, truth
 from roadlog.ingest.frame import Frame, Recording, joined
 from roadlog.ingest.mapping import Mapped
+from roadlog.ingest.parsers import readable
 from roadlog.ingest.profile import Profile, fitting, shipped
 from roadlog.storage import Table
 from roadlog.storage.spool import blocks, release
@@ -66,7 +67,9 @@ class Source:
     profile: Profile
 
     def read(self, dbc: Sequence[Path]) -> Recording:
-        return self.format.read(self.path, self.profile, dbc)
+        """What it holds. Raises LogReadError, ConfigError, MissingExtraError."""
+        with readable(self.path):
+            return self.format.read(self.path, self.profile, dbc)
 
 
 def ingest(
@@ -165,10 +168,11 @@ def open_source(path: Path, profile: Profile | None, dbc: Sequence[Path]) -> Sou
         raise LogReadError(f"{path}: no such file or folder. {near(path.name, siblings)}")
     if path.is_file() and not path.stat().st_size:
         raise LogReadError(f"{path}: is empty; nothing to ingest")
-    module = _module(path)
-    if module is None:
-        raise LogReadError(f"{path}: is none of the formats that are understood ({KNOWN})")
-    return Source(path, module, profile or _own_profile(module, path, dbc))
+    with readable(path):
+        module = _module(path)
+        if module is None:
+            raise LogReadError(f"{path}: is none of the formats that are understood ({KNOWN})")
+        return Source(path, module, profile or _own_profile(module, path, dbc))
 
 
 def _own_profile(module: Format, path: Path, dbc: Sequence[Path]) -> Profile:
@@ -227,7 +231,7 @@ def _digests(paths: Sequence[Path]) -> dict[str, str]:
     for path in paths:
         inside = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
         for file in inside:
-            with file.open("rb") as opened:
+            with readable(file), file.open("rb") as opened:
                 digest = hashlib.file_digest(opened, "sha256").hexdigest()
             result[str(file.relative_to(path.parent))] = digest
     return result

@@ -32,6 +32,7 @@ AGREE = 0.1  # s; clocks this near are left as they are: a receiver's latency is
 MAX_OFFSET = 10.0  # s; more must be told
 ZONE = 900.0  # s, step of the world's time zones
 MAX_ZONE = 14 * 3600.0  # s
+LONGEST = 48 * 3600.0  # s of a recording whose clock can be compared
 DECORRELATION = 1.0  # s; errors of samples further apart than this are independent
 
 
@@ -193,6 +194,8 @@ def _uniform(time: Stamps, values: Floats) -> _Series | None:
     order = np.argsort(time, kind="stable")
     time, values = time[order], values[order]
     start = int(time[0])
+    if int(time[-1]) - start > LONGEST * 1e9:
+        return None  # a clock jumped
     own = (time - start) * 1e-9
     grid = np.arange(int(own[-1] * RATE) + 1) / RATE
     cell = np.minimum(np.rint(own * RATE).astype(np.int64), len(grid) - 1)

@@ -64,8 +64,10 @@ def layout(path: Path) -> Layout:
     except OSError as error:
         raise LogReadError(f"{path}: cannot be opened: {error.strerror}") from error
     encoding = _encoding(head)
-    if b"\0" in head and not encoding.startswith("utf-16"):
-        raise LogReadError(f"{path}: is no text table")
+    if not encoding.startswith("utf-16"):
+        head = head.rstrip(b"\0")  # a block that a logger did not come to fill
+        if b"\0" in head:
+            raise LogReadError(f"{path}: is no text table")
     lines = _lines(head, encoding)
     start = 0
     delimiter = ""
@@ -76,6 +78,8 @@ def layout(path: Path) -> Layout:
             delimiter = line.strip()[4:5]
     if not lines:
         raise LogReadError(f"{path}: is empty; nothing to ingest")
+    if start + lines[0][1] >= HEAD:
+        raise LogReadError(f"{path}: is no text table: its first line does not end")
     delimiter = delimiter or max(("\t", ";", ","), key=lines[0][0].count)
     header = [name.strip() for name in _fields(lines[0][0], delimiter)]
     if header and not header[-1]:
@@ -97,8 +101,9 @@ def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
     del dbc
     found = layout(path)
     if len(set(found.names)) < len(found.names):
-        twice = sorted({name for name in found.names if found.names.count(name) > 1})
-        raise LogReadError(f"{path}: column {', '.join(twice)} is there twice; rename one")
+        twice = sorted({name for name in found.names if name and found.names.count(name) > 1})
+        if twice:
+            raise LogReadError(f"{path}: column {', '.join(twice)} is there twice; rename one")
     if all(_is_number(name) for name in found.names):
         raise LogReadError(f"{path}: its first line holds numbers; put the columns' names there")
     clock = times.time_column(found.names, profile.clock.column, str(path))
@@ -175,7 +180,7 @@ class _Reading:
             return _decoded(data[start:end].tobytes()).strip().strip('"')
 
         time = kinds[:, 0]
-        if (time == numbers.TEXT).any():
+        if 2 * (time == numbers.TEXT).sum() > (time != numbers.BLANK).sum():
             raw = np.array([text(row, 0) for row in range(rows)], object)
         elif (time == numbers.INTEGER).all():
             raw = integers
@@ -232,6 +237,8 @@ class _Reading:
             raise LogReadError(f"{self.path}: {self._misfit()}")
         if self.timeless:
             raise LogReadError(f"{self.path}: the time column holds no number")
+        if self.rest.strip():
+            raise LogReadError(f"{self.path}: has no complete row: a quote that does not end?")
         raise LogReadError(f"{self.path}: has a header but no rows")
 
     def _misfit(self) -> str:

@@ -63,13 +63,19 @@ def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
     count = min(len(files), len(stamps))
     if not count:
         raise LogReadError(f"{folder}: holds no data file with a stamp")
-    time = times.from_texts(stamps[:count], str(folder / "timestamps.txt"))
+    time, keep = times.from_texts(stamps[:count], str(folder / "timestamps.txt"))
+    if not keep.all():
+        losses.append(f"{path.name}: {count - len(time)} rows without a time left out")
     rows = np.full((count, len(FIELDS)), np.nan)
     bad = 0
     for row, file in zip(rows, files, strict=False):
         try:
-            row[:] = [float(text) for text in file.read_text("ascii").split()]
-        except (ValueError, UnicodeDecodeError):
+            figures = [float(text) for text in file.read_text("ascii").split()]
+        except ValueError:  # UnicodeDecodeError is one
+            figures = []
+        if len(figures) == len(FIELDS):
+            row[:] = figures
+        else:
             bad += 1
     if bad == count:
         raise LogReadError(
@@ -77,7 +83,7 @@ def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
         )
     if bad:
         losses.append(f"{path.name}: {bad} data files are not {len(FIELDS)} figures; left out")
-    columns = {name: rows[:, k] for k, name in enumerate(FIELDS)}
+    columns = {name: rows[keep, k] for k, name in enumerate(FIELDS)}
     columns |= _derived(columns)
     return Recording((Frame("oxts", path.name, time, columns),), tuple(losses))
 

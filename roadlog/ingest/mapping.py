@@ -182,12 +182,13 @@ def refreshed(time: Stamps, values: Floats, before: float = np.nan) -> Bools:
         return np.ones(len(values), np.bool_)
     keep = np.zeros(len(values), np.bool_)
     keep[changes] = True
-    interval = float(np.median(np.diff(time[changes])))
+    interval = max(1.0, float(np.median(np.diff(time[changes]))))  # ns
     for a, b in zip(changes, [*changes[1:], len(values)], strict=True):
-        stop = time[b - 1] if b - a > REPEATS else time[a]
-        alive: Floats = np.arange(time[a], stop, interval)[1:]
-        # a fix that comes a little late is no standstill
-        keep[a + np.searchsorted(time[a:b], alive[: len(alive) - (b < len(values))])] = True
+        if b - a <= REPEATS:
+            continue
+        lap = ((time[a:b] - time[a]) / interval).astype(np.int64)
+        late = lap[-1] if b < len(values) else lap[-1] + 1  # a fix a little late is no standstill
+        keep[a + np.flatnonzero((np.diff(lap, prepend=0) > 0) & (lap < late))] = True
     return keep
 
 

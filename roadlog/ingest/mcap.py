@@ -13,7 +13,7 @@ from roadlog.ingest import ros, times
 from roadlog.ingest.frame import Frame, Recording, absent, unread
 from roadlog.ingest.profile import Clock, Profile
 from roadlog.storage import Channel, LogReader, Table
-from roadlog.types import Stamps
+from roadlog.types import Bools, Stamps
 
 MAGIC = b"\x89MCAP0\r\n"
 FIRST = 2_000_000_000  # ns of each topic that are looked at for its fields
@@ -54,6 +54,7 @@ def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
     del dbc
     clock = profile.clock
     frames = []
+    losses: list[str] = []
     with LogReader(path) as reader:
         for topic, (channel, fields) in _fields(reader).items():
             kind = ros.kind(channel.schema)
@@ -64,13 +65,22 @@ def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
             stamp = _stamp(clock, fields)
             read_clock = "log" if clock.clock == "header" else clock.clock
             table = reader.read([topic], fields={topic: [*wanted, *stamp]}, clock=read_clock)[topic]
-            time = _time(table, clock, stamp, f"{path}: {topic}")
-            columns = {f: table.columns[f] if f in wanted else absent(len(time)) for f in fields}
+            time, keep = _time(table, clock, stamp, f"{path}: {topic}")
+            if lost := len(table) - len(time):
+                losses.append(f"{path.name}: {topic}: {lost} messages without a time left out")
+            columns = {
+                f: _rows(table.columns[f], keep) if f in wanted else absent(len(time))
+                for f in fields
+            }
             frames.append(Frame(topic, path.name, time, columns, kind=kind))
-        losses = [f"{path.name}: {loss}" for loss in reader.losses]
+        losses += [f"{path.name}: {loss}" for loss in reader.losses]
     if not frames:
         raise LogReadError(f"{path}: holds no message with numbers")
     return Recording(tuple(frames), tuple(losses))
+
+
+def _rows(column: NDArray, keep: Bools) -> NDArray:
+    return column if keep.all() else column[keep]
 
 
 def _fields(reader: LogReader) -> Mapping[str, tuple[Channel, list[str]]]:
@@ -97,17 +107,19 @@ def _stamp(clock: Clock, fields: list[str]) -> list[str]:
     return next((list(pair) for pair in STAMPS if set(pair) <= set(fields)), [])
 
 
-def _time(table: Table, clock: Clock, stamp: list[str], where: str) -> Stamps:
+def _time(table: Table, clock: Clock, stamp: list[str], where: str) -> tuple[Stamps, Bools]:
+    """ns of each message that has a time, and which these are."""
     if not stamp:
         if clock.column or clock.clock == "header":
             what = clock.column or "header stamp"
             raise LogReadError(
                 f"{where}: its messages have no {what}; set [time] clock in the profile"
             )
-        return table.time
-    columns: list[NDArray] = [table.columns[name] for name in stamp]
-    if len(columns) == 1:
-        values = np.asarray(columns[0], np.float64)
-        return times.from_numbers(values, clock.unit or times.guess_unit(values))
-    second, rest = columns
-    return second.astype(np.int64) * 1_000_000_000 + rest.astype(np.int64)
+        return table.time, np.ones(len(table), np.bool_)
+    values = [table.columns[name] for name in stamp]
+    if len(values) == 1:
+        return times.stamps(values[0], clock.unit, where)
+    (second, keep), (rest, known) = (
+        times.from_numbers(column, unit) for column, unit in zip(values, ("s", "ns"), strict=True)
+    )
+    return second[known[keep]] + rest[keep[known]], keep & known

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import sys
 import traceback
@@ -41,6 +42,16 @@ def guarded(path: Path, what: str, broken: list[str] | None = None) -> Iterator[
         logging.disable(disabled)
 
 
+@contextmanager
+def readable(path: Path) -> Iterator[None]:
+    """What the system says of a file (no permission, a bad disk) becomes a LogReadError."""
+    try:
+        yield
+    except OSError as error:
+        what = error.strerror or _said(error)
+        raise LogReadError(f"{error.filename or path}: cannot be read: {what}") from error
+
+
 def _said(error: Exception) -> str:
     """An error of another library in one line of printable characters."""
     text = " ".join(str(error).split()) or type(error).__name__
@@ -48,10 +59,13 @@ def _said(error: Exception) -> str:
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
-def _forget(error: Exception) -> None:
+def _forget(error: BaseException | None) -> None:
     """Drop the half-built objects that an error holds; some complain when they are deleted."""
     hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
     try:
-        traceback.clear_frames(error.__traceback__)
+        while error is not None:
+            traceback.clear_frames(error.__traceback__)
+            error = error.__context__
+        gc.collect()  # those that refer to each other
     finally:
         sys.unraisablehook = hook

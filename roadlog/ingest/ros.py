@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.ingest.frame import Frame, Recording, absent
+from roadlog.ingest.parsers import guarded
 from roadlog.ingest.profile import Profile
 from roadlog.types import Stamps
 
@@ -19,7 +20,6 @@ ROS1 = b"#ROSBAG V2.0"
 SQLITE = b"SQLite format 3"
 METADATA = "metadata.yaml"
 STAMPS = ("header.stamp", "stamp")  # where a message has its own clock
-NUMBERS = (bool, int, float, np.generic)
 
 
 def recognizes(path: Path) -> bool:
@@ -34,11 +34,11 @@ def recognizes(path: Path) -> bool:
 def names(path: Path, dbc: object = ()) -> set[str]:
     """`KIND.field` and `TOPIC.field` of every numeric field."""
     del dbc
-    with closing(_opened(path)) as reader:
+    with _opened(path) as reader:
         return {
             name
             for connection in reader.connections
-            for field in _fields(reader.typestore, connection.msgtype)
+            for field in _fields(path, reader, connection.msgtype)
             for name in (f"{kind(connection.msgtype)}.{field}", f"{connection.topic}.{field}")
         }
 
@@ -50,29 +50,27 @@ def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
     MissingExtraError.
     """
     del dbc
-    losses: list[str] = []
-    with closing(_opened(path)) as reader:
+    broken: list[str] = []
+    bad: dict[str, int] = {}
+    with _opened(path) as reader:
         topics: dict[str, _Topic] = {}
         for connection in reader.connections:
-            fields = _fields(reader.typestore, connection.msgtype)
+            fields = _fields(path, reader, connection.msgtype)
             topics.setdefault(
                 connection.topic,
                 _Topic(kind(connection.msgtype), fields, profile, connection.topic),
             )
         wanted = [c for c in reader.connections if topics[c.topic].wanted]
-        bad: dict[str, int] = {}
-        try:
+        with guarded(path, "a ROS bag", broken):
             for connection, stamp, raw in reader.messages(wanted) if wanted else ():
                 try:
-                    message = reader.deserialize(raw, connection.msgtype)
+                    topics[connection.topic].add(stamp, reader.deserialize(raw, connection.msgtype))
                 except Exception:  # a payload that is not what its definition says
                     bad[connection.topic] = bad.get(connection.topic, 0) + 1
-                    continue
-                topics[connection.topic].add(stamp, message)
-        except Exception as error:  # rosbags and sqlite3 raise their own of a damaged file
-            if not any(topic.time for topic in topics.values()):
-                raise LogReadError(f"{path}: cannot be read: {error}") from error
-            losses.append(f"{path.name}: unreadable from here on: {error}")
+    count = sum(len(topic.time) for topic in topics.values())
+    if broken and not count:
+        raise LogReadError(broken[0])
+    losses = [f"{sentence}; the {count} messages before are kept" for sentence in broken]
     losses += [f"{path.name}: {topic}: {n} messages undecodable" for topic, n in bad.items()]
     frames = [topic.frame(name, path.name) for name, topic in topics.items()]
     return Recording(tuple(frames), tuple(losses))
@@ -97,12 +95,14 @@ class _Topic:
         self.paths = [(self.columns[f], f.split(".")) for f in self.wanted]
 
     def add(self, stamp: int, message: Any) -> None:
+        """A row; nothing of it where a value is not there."""
         if self.stamp:
             own = _value(message, self.stamp)
             stamp = own.sec * 1_000_000_000 + own.nanosec
+        values = array("d", [_value(message, path) for _, path in self.paths])
         self.time.append(stamp)
-        for column, path in self.paths:
-            column.append(_value(message, path))
+        for (column, _), value in zip(self.paths, values, strict=True):
+            column.append(value)
 
     def frame(self, name: str, file: str) -> Frame:
         time: Stamps = np.array(self.time, np.int64)
@@ -119,9 +119,10 @@ def _value(message: Any, path: list[str]) -> Any:
     return message
 
 
-def _fields(store: Any, msgtype: str, prefix: str = "") -> list[str]:
+def _fields(path: Path, reader: Any, msgtype: str) -> list[str]:
     """Paths of the numeric fields of a message type, nested ones joined by dots."""
-    return list(_walk(store, msgtype, prefix))
+    with guarded(path, "a ROS bag"):
+        return list(_walk(reader.typestore, msgtype, ""))
 
 
 def _walk(store: Any, msgtype: str, prefix: str) -> Iterator[str]:
@@ -134,7 +135,8 @@ def _walk(store: Any, msgtype: str, prefix: str) -> Iterator[str]:
             yield from _walk(store, what, f"{prefix}{name}.")
 
 
-def _opened(path: Path) -> Any:
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
     """An open reader. Raises LogReadError in words that say what to do, MissingExtraError."""
     try:
         from rosbags.highlevel import AnyReader
@@ -142,11 +144,12 @@ def _opened(path: Path) -> Any:
     except ImportError:
         raise MissingExtraError("a ROS bag", "ros") from None
     try:
-        reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
-        reader.open()
-    except Exception as error:  # AnyReaderError, and whatever broken metadata lead to
-        text = str(error)
-        if "index" in text.lower() and not path.is_dir():
-            text += f"; run `rosbag reindex {path.name}` first"
-        raise LogReadError(f"{path}: cannot be read as a ROS bag: {text}") from error
-    return reader
+        with guarded(path, "a ROS bag"):
+            reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+            reader.open()
+    except LogReadError as error:
+        if "index" in str(error).lower() and not path.is_dir():
+            raise LogReadError(f"{error}; run `rosbag reindex {path.name}` first") from error
+        raise
+    with closing(reader):
+        yield reader

@@ -26,11 +26,14 @@ FORMATS = (
     "%Y/%m/%d %H:%M",
     "%Y_%m_%d %H:%M",
     "%H:%M",
+    "%I:%M%p",
 )
 # head up to the minute, seconds, fraction, and what follows: a zone, AM or PM
 _CLOCK = re.compile(
     r"^\s*(.*?\d{1,2}:\d{2}):(\d{2})(?:[.,:](\d+))?\s*([A-Za-z]{0,3}|[+-]\d{2}:?\d{2})\s*$"
 )
+LAST_STAMP = 2**63 - 1  # ns, year 2262
+MINUTE = 60 * 10**9 + 10**9  # ns, one with a leap second
 TIME_NAMES = ("time_ns", "time", "t", "timestamp", "timestamps", "time_s", "seconds", "datetime")
 
 
@@ -57,18 +60,18 @@ def stamps(values: NDArray, unit: str, where: str, before: int = 0) -> tuple[Sta
     """ns of each row of a time column that has one, and which rows these are.
 
     values: numbers, datetime64 or texts. before: rows before these, for messages. Raises
-    LogReadError naming the row, ConfigError for a unit that is not clear.
+    LogReadError naming the first row where none has a time, ConfigError for a unit that is not
+    clear.
     """
     if values.dtype.kind == "M":
         keep: Bools = ~np.isnat(values)
         return values[keep].astype("datetime64[ns]").astype(np.int64), keep
     if values.dtype.kind in "OUS":
-        keep = np.array([bool(str(value).strip()) for value in values], np.bool_)
-        return from_texts([str(v) for v in values[keep]], where, before), keep
+        return from_texts([str(value) for value in values], where, before)
     keep = np.isfinite(values)
     if not keep.any():
         raise LogReadError(f"{where}: the time column holds no number")
-    return from_numbers(values[keep], unit or unit_of(values, where)), keep
+    return from_numbers(values, unit or unit_of(values, where))
 
 
 def unit_of(values: NDArray, where: str) -> str:
@@ -79,58 +82,70 @@ def unit_of(values: NDArray, where: str) -> str:
         raise ConfigError(f"{where}: {error}") from None
 
 
-def from_numbers(values: NDArray, unit: str) -> Stamps:
-    """ns from numbers in a unit of time; the first one keeps its full value."""
-    nanoseconds = round(to_si(unit, "s") * 1e9)
-    if values.dtype.kind in "iu":
-        return values.astype(np.int64) * nanoseconds
-    whole = np.floor(values)
-    return whole.astype(np.int64) * nanoseconds + np.rint((values - whole) * nanoseconds).astype(
-        np.int64
-    )
+def from_numbers(values: NDArray, unit: str) -> tuple[Stamps, Bools]:
+    """ns from numbers in a unit of time, and which rows have a time that int64 holds.
 
-
-def from_texts(texts: Sequence[str], where: str, before: int = 0) -> Stamps:
-    """ns since the epoch from dates and times; a time without zone is taken as UTC.
-
-    Raises LogReadError naming the row.
+    The first one keeps its full value.
     """
-    minutes: dict[tuple[str, str], int] = {}  # what stands around the seconds -> ns
+    nanoseconds = round(to_si(unit, "s") * 1e9)
+    keep: Bools = np.abs(values.astype(np.float64)) < LAST_STAMP / nanoseconds  # not so for NaN
+    kept = values[keep]
+    if values.dtype.kind in "iu":
+        return kept.astype(np.int64) * nanoseconds, keep
+    whole = np.floor(kept)
+    rest = np.rint((kept - whole) * nanoseconds).astype(np.int64)
+    return whole.astype(np.int64) * nanoseconds + rest, keep
+
+
+def from_texts(texts: Sequence[str], where: str, before: int = 0) -> tuple[Stamps, Bools]:
+    """ns since the epoch from dates and times, and which are understood.
+
+    A time without zone is taken as UTC. Raises LogReadError naming the first row where none is.
+    """
+    minutes: dict[tuple[str, str], int | None] = {}  # what stands around the seconds -> ns
     result = np.empty(len(texts), np.int64)
+    keep = np.zeros(len(texts), np.bool_)
     for k, text in enumerate(texts):
         match = _CLOCK.match(text)
-        try:
-            if match is None:
-                raise ValueError
-            head, seconds, fraction, tail = match.groups()
-            key = head, tail
-            if key not in minutes:
-                minutes[key] = _minute(head, tail)
+        if match is None:
+            continue
+        head, seconds, fraction, tail = match.groups()
+        key = head, tail
+        if key not in minutes:
+            minutes[key] = _minute(head, tail)
+        minute = minutes[key]
+        if minute is not None:
             rest = int(seconds) * 10**9 + int((fraction or "0")[:9].ljust(9, "0"))
-            result[k] = minutes[key] + rest
-        except ValueError:
-            raise LogReadError(
-                f"{where}, row {before + k + 1}: '{text}' is no time that is understood; "
-                f"give [time] unit in the profile, or ISO 8601"
-            ) from None
-    return result
+            result[k] = minute + rest
+            keep[k] = True
+    if not keep.any() and any(text.strip() for text in texts):
+        row, text = next((k, text) for k, text in enumerate(texts) if text.strip())
+        raise LogReadError(
+            f"{where}, row {before + row + 1}: '{text}' is no time that is understood; "
+            f"give [time] unit in the profile, or ISO 8601"
+        )
+    return result[keep], keep
 
 
-def _minute(head: str, tail: str) -> int:
-    """ns of a moment without its seconds: `2019-05-24T18:11` and `Z`. Raises ValueError."""
+def _minute(head: str, tail: str) -> int | None:
+    """ns of a moment without its seconds: `2019-05-24T18:11` and `Z`; None for no such moment."""
     tail = tail.strip()
     text = head.strip()
     form = next((form for form in FORMATS if _fits(text + tail, form)), None)
-    if form:
-        moment = datetime.strptime(text + tail, form)
-    else:
-        moment = datetime.fromisoformat(f"{text}:00{tail}")
+    try:
+        if form:
+            moment = datetime.strptime(text + tail, form)
+        else:
+            moment = datetime.fromisoformat(f"{text}:00{tail}")
+    except ValueError:
+        return None
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=UTC)
     if form and form.startswith(("%H", "%I")):
         moment = moment.replace(year=1970)  # a clock without a date starts at the epoch
     delta = moment - datetime(1970, 1, 1, tzinfo=UTC)
-    return (delta.days * 86400 + delta.seconds) * 10**9
+    nanoseconds = (delta.days * 86400 + delta.seconds) * 10**9
+    return nanoseconds if abs(nanoseconds) < LAST_STAMP - MINUTE else None
 
 
 def _fits(text: str, form: str) -> bool:

@@ -1,0 +1,149 @@
+"""One drive, written by the libraries of each format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+START = 1_700_000_000_000_000_000
+N = 400
+T = np.arange(N) / 100  # s
+TIME = START + np.round(T * 1e9).astype(np.int64)
+IMU = {
+    "accel_x": np.round(np.sin(T), 2),
+    "accel_y": np.round(0.3 * np.cos(2 * T), 2),
+    "accel_z": np.round(9.81 + 0.2 * np.sin(5 * T), 2),
+    "gyro_x": np.round(0.02 * np.cos(T), 3),
+    "gyro_y": np.round(0.03 * np.sin(3 * T), 3),
+    "gyro_z": np.round(0.2 * np.sin(0.5 * T), 3),
+}
+SPEED = np.round(12 + 3 * np.sin(T[::5]), 2)  # at 20 Hz
+
+DBC = """VERSION ""
+BS_:
+BU_: ECU
+BO_ 256 Accel: 8 ECU
+ SG_ ax : 0|16@1- (0.01,0) [0|0] "m/s^2" ECU
+ SG_ ay : 16|16@1- (0.01,0) [0|0] "m/s^2" ECU
+ SG_ az : 32|16@1- (0.01,0) [0|0] "m/s^2" ECU
+BO_ 257 Gyro: 8 ECU
+ SG_ wx : 7|16@0- (0.001,0) [0|0] "rad/s" ECU
+ SG_ wy : 23|16@0- (0.001,0) [0|0] "rad/s" ECU
+ SG_ wz : 39|16@0- (0.001,0) [0|0] "rad/s" ECU
+BO_ 258 Odo: 8 ECU
+ SG_ v : 0|16@1+ (0.01,0) [0|0] "m/s" ECU
+"""
+NAMES = dict(zip(IMU, ("ax", "ay", "az", "wx", "wy", "wz"), strict=True))
+UNITS = {"a": "m/s^2", "g": "rad/s"}
+
+
+def profile_of(folder: Path, prefix: str = "", names: dict[str, str] = NAMES) -> Path:
+    lines = ["[imu]"]
+    lines += [f'{k} = {{ from = "{prefix}{n}", unit = "{UNITS[k[0]]}" }}' for k, n in names.items()]
+    lines += ["[speed]", f'v = {{ from = "{prefix}v", unit = "m/s" }}']
+    path = folder / "car.toml"
+    path.write_text("\n".join(lines))
+    return path
+
+
+def payloads() -> list[tuple[int, int, bytes]]:
+    """(ns, identifier, data) of the drive on a bus, in order of time."""
+    cantools = pytest.importorskip("cantools")
+    database = cantools.database.load_string(DBC, "dbc")
+    frames = []
+    for k, stamp in enumerate(TIME.tolist()):
+        row = {NAMES[name]: float(values[k]) for name, values in IMU.items()}
+        for message in ("Accel", "Gyro"):
+            definition = database.get_message_by_name(message)
+            data = {s.name: row[s.name] for s in definition.signals}
+            frames.append((stamp, definition.frame_id, definition.encode(data)))
+        if k % 5 == 0:
+            odo = database.get_message_by_name("Odo")
+            frames.append((stamp, odo.frame_id, odo.encode({"v": float(SPEED[k // 5])})))
+    return frames
+
+
+ROS_NAMES = {
+    f"{kind}_{axis}": f"{field}.{axis}"
+    for kind, field in (("accel", "linear_acceleration"), ("gyro", "angular_velocity"))
+    for axis in "xyz"
+}
+
+
+def ros_messages(store):
+    """(topic, type, ns, message): an Imu and a TwistStamped topic."""
+    t = store.types
+    vector, header, stamp = (
+        t[f"{name}"]
+        for name in (
+            "geometry_msgs/msg/Vector3",
+            "std_msgs/msg/Header",
+            "builtin_interfaces/msg/Time",
+        )
+    )
+    seq = {"seq": 0} if "seq" in header.__dataclass_fields__ else {}
+
+    def head(ns: int):
+        return header(stamp=stamp(sec=ns // 10**9, nanosec=ns % 10**9), frame_id="car", **seq)
+
+    for k, ns in enumerate(TIME.tolist()):
+        row = {name: float(values[k]) for name, values in IMU.items()}
+        yield (
+            "/sensors/imu",
+            "sensor_msgs/msg/Imu",
+            ns,
+            t["sensor_msgs/msg/Imu"](
+                header=head(ns),
+                orientation=t["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0),
+                orientation_covariance=np.zeros(9),
+                angular_velocity=vector(x=row["gyro_x"], y=row["gyro_y"], z=row["gyro_z"]),
+                angular_velocity_covariance=np.zeros(9),
+                linear_acceleration=vector(x=row["accel_x"], y=row["accel_y"], z=row["accel_z"]),
+                linear_acceleration_covariance=np.zeros(9),
+            ),
+        )
+        if k % 5 == 0:
+            zero = vector(x=0.0, y=0.0, z=0.0)
+            moving = vector(x=float(SPEED[k // 5]), y=0.0, z=0.0)
+            yield (
+                "/car/twist",
+                "geometry_msgs/msg/TwistStamped",
+                ns,
+                t["geometry_msgs/msg/TwistStamped"](
+                    header=head(ns),
+                    twist=t["geometry_msgs/msg/Twist"](linear=moving, angular=zero),
+                ),
+            )
+
+
+def write_ros1(path: Path) -> Path:
+    pytest.importorskip("rosbags")
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Writer(path) as writer:
+        connections = {}
+        for topic, kind, ns, message in ros_messages(store):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], ns, store.serialize_ros1(message, kind))
+    return path
+
+
+def write_ros2(path: Path, storage: str, late: int = 0) -> Path:
+    """late: ns by which the recording is later than the header's stamp."""
+    pytest.importorskip("rosbags")
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Writer(path, version=9, storage_plugin=StoragePlugin[storage]) as writer:
+        connections = {}
+        for topic, kind, ns, message in ros_messages(store):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], ns + late, store.serialize_cdr(message, kind))
+    return path
