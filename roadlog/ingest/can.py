@@ -126,11 +126,13 @@ class Decoder:
                 found += answers
             else:
                 unknown.append(f"0x{identifier & ~EXTENDED:X} ({count})")
+        if not self.counts:
+            raise LogReadError(f"{file}: holds no CAN frame; cut short or empty")
         if not found:
             shown = ", ".join(unknown[:SHOWN]) + (", ..." if len(unknown) > SHOWN else "")
             none = "the DBC knows none of its identifiers"
             what = none if self.known else "raw CAN needs --dbc FILE"
-            raise LogReadError(f"{file}: nothing decoded: {what} (seen: {shown or 'no frame'})")
+            raise LogReadError(f"{file}: nothing decoded: {what} (seen: {shown})")
         decoded = ", ".join(dict.fromkeys(frame.name for frame in found))
         ids = f"{len(self.counts)} identifiers, {len(self.counts) - len(unknown)} decoded"
         there = [m for _, m in sorted(self.messages.items()) if len(m.time)]

@@ -343,7 +343,7 @@ def test_a_cut_blf_gives_what_comes_before_or_is_refused(tmp_path, command):
         (speed,) = DriveLog(tmp_path / "out.mcap").tables(["/speed"]).values()
         assert len(speed) == pytest.approx(20_000 * share, rel=0.15)
     path.write_bytes(whole[:100])  # not the whole header
-    assert "cannot be read as a CAN trace" in refused(command, tmp_path, *arguments)
+    assert "holds no CAN frame" in refused(command, tmp_path, *arguments)
 
 
 def test_a_dbc_of_another_car_is_one_line(tmp_path, command):
