@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import table
-from roadlog.estimators.fusion_priors import FusionParameters
 
 from roadlog import estimators
 from roadlog.drive import Drive
@@ -17,6 +16,7 @@ from roadlog.estimators.fusion import FUSION
 from roadlog.estimators.fusion_fixes import revisits
 from roadlog.estimators.fusion_inputs import build, grid
 from roadlog.estimators.fusion_model import CLOSURE
+from roadlog.estimators.fusion_priors import FusionParameters
 from roadlog.estimators.fusion_speed import gnss_delay, speed_source
 from roadlog.estimators.fusion_torque import torque_bias
 from roadlog.log import AngleTrack

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from roadlog.estimators.fusion_priors import FusionParameters, noise_of, priors
 
 from roadlog.drive import Drive
 from roadlog.estimators import fusion_model as model
 from roadlog.estimators.fusion_inputs import build
 from roadlog.estimators.fusion_model import N, Noise, Steps
+from roadlog.estimators.fusion_priors import FusionParameters, noise_of, priors
 from roadlog.types import Floats
 from roadlog.vehicle import Vehicle
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from roadlog.estimators.fusion_priors import FusionParameters, noise_of, priors
 
 from roadlog.drive import Drive
 from roadlog.estimators.fusion_inputs import build
 from roadlog.estimators.fusion_model import BA, BAROMETER, CLOSURE, ROWS, N, Noise, Steps
+from roadlog.estimators.fusion_priors import FusionParameters, noise_of, priors
 from roadlog.estimators.fusion_smoother import PIECE, prediction, residual_row, smooth
 from roadlog.types import Floats
 from roadlog.vehicle import Vehicle
