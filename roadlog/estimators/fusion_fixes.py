@@ -109,24 +109,25 @@ def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: 
     place = np.stack([np.interp(at, own, east), np.interp(at, own, north)], axis=1)
     height, driven = np.interp(at, own, altitude), np.interp(at, own, path)
     run = np.cumsum(~alive)  # the same number on both sides of no gap
+    tree, at_step = cKDTree(place), np.round(at * RATE).astype(np.int64)
     kept = 0
-    for j, near in enumerate(cKDTree(place).query_ball_point(place, REVISIT_RADIUS)):
-        k = round(at[j] * RATE)
+    for j, k in enumerate(at_step):
         if k >= len(time) or not alive[k]:
             continue
-        for i in sorted(i for i in near if kept <= i < j):
-            first = round(at[i] * RATE)
-            if (
-                alive[first]
-                and run[first] == run[k]
-                and at[j] - at[i] > REVISIT_TIME
-                and driven[j] - driven[i] > REVISIT_PATH
-                and abs(height[j] - height[i]) < REVISIT_HEIGHT
-            ):
-                clone[first + 1] = True
-                fixes[k, CLOSURE], fixes_sd[k, CLOSURE] = 0.0, CLOSURE_SD
-                kept = j
-                break
+        near = np.sort(tree.query_ball_point(place[j], REVISIT_RADIUS))
+        near = near[(near >= kept) & (near < j)]
+        first = at_step[near]
+        is_again = (
+            alive[first]
+            & (run[first] == run[k])
+            & (at[j] - at[near] > REVISIT_TIME)
+            & (driven[j] - driven[near] > REVISIT_PATH)
+            & (np.abs(height[j] - height[near]) < REVISIT_HEIGHT)
+        )
+        if is_again.any():
+            clone[first[is_again][0] + 1] = True
+            fixes[k, CLOSURE], fixes_sd[k, CLOSURE] = 0.0, CLOSURE_SD
+            kept = j
     return clone
 
 

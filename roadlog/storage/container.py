@@ -55,9 +55,10 @@ class Source:
     def __init__(self, path: Path) -> None:
         try:
             self._file = path.open("rb")
-            self.size = path.stat().st_size
+            self._opened = os.fstat(self._file.fileno())
         except OSError as error:
             raise LogReadError(f"{path}: cannot be opened: {error.strerror}") from error
+        self._path, self.size = path, self._opened.st_size
         self._lock = threading.Lock()
 
     def read(self, offset: int, length: int) -> bytes:
@@ -88,6 +89,17 @@ class Source:
         file.seek(target + position - start)
         for rest in range(position, end, COPY_SIZE):
             file.write(self.read(rest, min(COPY_SIZE, end - rest)))
+
+    def is_as_opened(self) -> bool:
+        """Whether the path still names this file, and nobody has written to it since."""
+        try:
+            now = self._path.stat()
+        except OSError:
+            return False
+        return os.path.samestat(now, self._opened) and (now.st_size, now.st_mtime_ns) == (
+            self._opened.st_size,
+            self._opened.st_mtime_ns,
+        )
 
     def close(self) -> None:
         self._file.close()

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import struct
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -85,7 +85,8 @@ def changing(log: Path, source: Source, cut: int) -> Iterator[Before]:
     except OSError as error:
         raise LogWriteError(f"{log}: cannot be changed in place: {error.strerror}") from error
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):  # a folder that may not be written has none
+            part.unlink()
 
 
 def recover(log: Path) -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from roadlog.errors import LogWriteError
 from roadlog.storage import container, crc, records
 from roadlog.storage.container import RAW, Record, Source, outer_records, walk, word
 from roadlog.storage.contents import Contents
@@ -39,7 +40,8 @@ def update_log(
     drop: of topics. drop_metadata: of record names. out: write here and leave `path` as it is.
     The file is replaced at once or not at all. in_place: change the file itself from the first
     byte that differs, with an undo journal beside it, which needs no room for a second file.
-    Raises LogReadError, LogWriteError.
+    Raises LogReadError; LogWriteError, also where another program wrote to the log meanwhile: what
+    it wrote stays.
     """
     path = Path(path)
     with LogReader(path) as old:
@@ -48,6 +50,11 @@ def update_log(
             with replacing(Path(out or path)) as file:
                 writer = Writer(file, crc=plan.start_crc(old.source))
                 _write(writer, plan, old.source, tables, metadata)
+                if out is None and not old.source.is_as_opened():
+                    raise LogWriteError(
+                        f"{path}: was changed by another program while results were made, and is "
+                        f"left so; run again when nobody writes to it, or write elsewhere (--out)"
+                    )
             return
         cut, crc_before = plan.first_change, plan.start_crc(old.source)
         with changing(path, old.source, cut) as before, path.open("r+b") as file:
