@@ -182,7 +182,9 @@ def _nearest_peak(lags: Floats, size: Floats) -> int | None:
 
 
 def _correlations(x: Floats, y: Floats, rate: float, reach_s: float) -> tuple[Floats, Floats]:
-    """Lags of y behind x in s and the correlation of x(t) with y(t + lag)."""
+    """Lags of y behind x in s and the correlation of x(t) with y(t + lag); none of no samples."""
+    if not len(x):
+        return np.empty(0), np.empty(0)
     mx, my = (np.isfinite(values).astype(np.float64) for values in (x, y))
     x0, y0 = np.where(mx > 0, x, 0.0), np.where(my > 0, y, 0.0)
     reach = min(round(reach_s * rate), len(x) - 1)

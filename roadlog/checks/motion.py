@@ -334,7 +334,7 @@ def _step(evidence: Evidence, speed: Floats) -> tuple[float, float, float] | Non
     for axis in AXES:
         if f"imu.accel_{axis}" in evidence:
             other = evidence.band(evidence[f"imu.accel_{axis}"])
-            if np.nanstd(other) > LIVELY:
+            if np.isfinite(other).any() and np.nanstd(other) > LIVELY:
                 blocks = evidence.block_lags(other, late, 30.0)
                 own = [(middle, lag) for middle, lag, r in blocks if abs(r) > CLEAR]
                 clear = max(clear, own, key=len)

@@ -105,6 +105,15 @@ def test_names_that_vendors_use(tmp_path, name, role, unit):
     assert found[role] == (name, unit)
 
 
+@pytest.mark.parametrize("rows", [1, 3])
+def test_a_log_of_a_few_rows_says_its_names_only(tmp_path, rows):
+    path = tmp_path / "drive.csv"
+    path.write_text("t,ax,v\n" + "".join(f"{k},{k},2\n" for k in range(rows)))
+    text = starter([path])
+    assert entries(text) == {"imu.accel_x": ("ax", "m/s^2"), "speed.v": ("v", "m/s")}
+    assert not check({t.topic: t for t in ingest([path], Profile.from_toml(text, "new")).tables})
+
+
 def test_a_log_without_signals_is_an_error_that_names_what_is_there(tmp_path):
     path = tmp_path / "drive.csv"
     path.write_text("t,engine_speed,pump\n0,1,2\n0.1,1,2\n")
