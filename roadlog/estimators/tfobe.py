@@ -24,7 +24,7 @@ from roadlog.estimators.driveline import (
 )
 from roadlog.estimators.kmbe import lateral_velocity
 from roadlog.estimators.planar_car import planar_car, wheel_loads
-from roadlog.estimators.schedule import ScheduleParameters, schedule
+from roadlog.estimators.schedule import Schedule, ScheduleParameters, schedule
 from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
 from roadlog.filters.lever_arm import specific_force_at_cg
@@ -76,55 +76,66 @@ class _Signals:
     inputs: tire_ukf.TireInputs
 
 
+@dataclass(frozen=True)
+class _Layers:
+    """What the two filters run on: process inputs, where to start, and each layer's rows."""
+
+    plan: Schedule
+    inputs: tire_ukf.TireInputs
+    start: Floats
+    tire_z: Floats
+    grade_z: Floats
+    load: Floats
+    was_held: Bools
+    is_nonlinear: Bools
+    notes: list[str]
+
+
 def tfobe(drive: Drive, vehicle: Vehicle, params: TfobeParameters, engine: Engine) -> Estimate:
     """Tire forces, then grade = what accelerates the car less what its tires do.
 
     Details: `tires` (roadlog.v1.TireForces) and `sideslip` (roadlog.v1.Sideslip) at the CG. A
     single wheel's lateral force is its axle's, split by load: no equation here tells them apart.
     """
-    line = driveline(drive, vehicle)
     printed = params.variant in ("printed", "text")
     car = planar_car(vehicle, drive.dt, printed)
-    signals = _signals(drive, vehicle, line, printed)
-    inputs, known, was_held = _hold(signals.inputs, round(params.hold_time * drive.rate))
-    plan = schedule(drive, signals.speed, known & ~line.unknown, params)
-    tire_z, grade_z = _rows(signals, params.variant)
-    start = np.column_stack([signals.speed, signals.v_y, signals.yaw_rate, signals.wheels])
+    layers = _layers(drive, vehicle, params)
+    inputs, plan = layers.inputs, layers.plan
     lower = tire_ukf.printed_tuning() if printed else tire_ukf.tuning(drive.dt)
     tune = (grade_ukf.printed_tuning if printed else grade_ukf.tuning)(drive.dt, params.grade_noise)
     n = len(drive)
-    x, sd = np.full((n, tire_ukf.STATES), np.nan), np.full((n, tire_ukf.STATES), np.nan)
-    axle_sd, repaired = np.full((n, 2), np.nan), np.zeros(n, np.bool_)
+    forces, force_sd = np.full((n, 8), np.nan), np.full((n, 6), np.nan)
+    repaired = np.zeros(n, np.bool_)
     y, y_sd = np.full((n, grade_ukf.STATES), np.nan), np.full((n, grade_ukf.STATES), np.nan)
     for run in plan.runs:
         own = tire_ukf.TireInputs(*(part[run] for part in inputs))
         tires = tire_ukf.tire_ukf(
-            tire_z[run], start[run], plan.frozen[run], own, lower, car, engine
+            layers.tire_z[run], layers.start[run], plan.frozen[run], own, lower, car, engine
         )
         grades = grade_ukf.grade_ukf(
-            grade_z[run],
-            start[run, :3],
+            layers.grade_z[run],
+            layers.start[run, :3],
             plan.frozen[run],
-            np.ascontiguousarray(tires.x[:, 7:]),
+            tires.forces,
             own.delta,
             tune,
             car,
             engine,
         )
-        x[run], sd[run], axle_sd[run] = tires.x, tires.sd, tires.axle_sd
+        forces[run], force_sd[run] = tires.forces, tires.sd
         y[run], y_sd[run] = grades.x, grades.sd
         repaired[run] = tires.repaired | grades.repaired
     grade, grade_sd = y[:, grade_ukf.GRADE], y_sd[:, grade_ukf.GRADE]
     valid, flags = plan.outcome(drive, grade, grade_sd, repaired, params)
     beyond = np.abs(grade) > MAX_GRADE
     flags |= (
-        flag(was_held, "held")
+        flag(layers.was_held, "held")
         | flag(beyond, "uncertain")
-        | flag(np.abs(signals.f_y) > LINEAR_FORCE, "model")
+        | flag(layers.is_nonlinear, "model")
     )
-    forces = _force_columns(x, sd, axle_sd, signals.inputs.load)
+    columns = _force_columns(forces, force_sd, layers.load)
     details = {
-        "tires": Detail("roadlog.v1.TireForces", drive.time, forces),
+        "tires": Detail("roadlog.v1.TireForces", drive.time, columns),
         "sideslip": Detail("roadlog.v1.Sideslip", drive.time, _sideslip_columns(y, y_sd)),
     }
     return Estimate(
@@ -134,7 +145,25 @@ def tfobe(drive: Drive, vehicle: Vehicle, params: TfobeParameters, engine: Engin
         valid & ~beyond,
         flags,
         details,
-        line.notes,
+        layers.notes,
+    )
+
+
+def _layers(drive: Drive, vehicle: Vehicle, params: TfobeParameters) -> _Layers:
+    line = driveline(drive, vehicle)
+    signals = _signals(drive, vehicle, line, params.variant in ("printed", "text"))
+    inputs, known, was_held = _hold(signals.inputs, round(params.hold_time * drive.rate))
+    tire_z, grade_z = _rows(signals, params.variant)
+    return _Layers(
+        plan=schedule(drive, signals.speed, known & ~line.unknown, params),
+        inputs=inputs,
+        start=np.column_stack([signals.speed, signals.v_y, signals.yaw_rate, signals.wheels]),
+        tire_z=tire_z,
+        grade_z=grade_z,
+        load=signals.inputs.load,
+        was_held=was_held,
+        is_nonlinear=np.abs(signals.f_y) > LINEAR_FORCE,
+        notes=line.notes,
     )
 
 
@@ -189,17 +218,17 @@ def _rows(signals: _Signals, variant: str) -> tuple[Floats, Floats]:
     return tires, grades
 
 
-def _force_columns(x: Floats, sd: Floats, axle_sd: Floats, load: Floats) -> dict[str, Floats]:
+def _force_columns(forces: Floats, sd: Floats, load: Floats) -> dict[str, Floats]:
     """The fields of roadlog.v1.TireForces; loads and a wheel's lateral share have no sd."""
-    unknown = np.full(len(x), np.nan)
+    unknown = np.full(len(forces), np.nan)
     columns = {}
     for i, wheel in enumerate(WHEELS):
-        columns[f"fx_{wheel}"], columns[f"fx_{wheel}_sd"] = x[:, 7 + i], sd[:, 7 + i]
-        columns[f"fy_{wheel}"], columns[f"fy_{wheel}_sd"] = x[:, 11 + i], unknown
+        columns[f"fx_{wheel}"], columns[f"fx_{wheel}_sd"] = forces[:, i], sd[:, i]
+        columns[f"fy_{wheel}"], columns[f"fy_{wheel}_sd"] = forces[:, 4 + i], unknown
         columns[f"fz_{wheel}"], columns[f"fz_{wheel}_sd"] = load[:, i], unknown
     for i, axle in enumerate(("front", "rear")):
-        columns[f"fy_{axle}"] = x[:, 11 + 2 * i] + x[:, 12 + 2 * i]
-        columns[f"fy_{axle}_sd"] = axle_sd[:, i]
+        columns[f"fy_{axle}"] = forces[:, 4 + 2 * i] + forces[:, 5 + 2 * i]
+        columns[f"fy_{axle}_sd"] = sd[:, 4 + i]
     return columns
 
 

@@ -50,14 +50,14 @@ class Tuning(NamedTuple):
 
 
 class TireTrack(NamedTuple):
-    """Posterior states x and standard deviations sd (n, 15), and the axles' (n, 2); repaired (n,).
+    """Posterior forces (n, 8), longitudinal and lateral, and their sd (n, 6), N; repaired (n,).
 
-    axle_sd: N, of the sum of an axle's lateral forces, front and rear.
+    sd: of each wheel's longitudinal force, and of the sum of an axle's lateral forces, front and
+    rear.
     """
 
-    x: Floats
+    forces: Floats
     sd: Floats
-    axle_sd: Floats
     repaired: Bools
 
 
@@ -142,9 +142,9 @@ def _restart(x: Floats, P: Floats, start: Floats, P0: Floats) -> None:
 @njit(cache=True)
 def _compiled(
     z: Floats, start: Floats, frozen: Bools, inputs: TireInputs, tune: Tuning, car: PlanarCar
-) -> tuple[Floats, Floats, Floats, Bools]:
+) -> tuple[Floats, Floats, Bools]:
     n = len(z)
-    xs, sds, axles = np.empty((n, STATES)), np.empty((n, STATES)), np.empty((n, 2))
+    forces, sd = np.empty((n, 8)), np.empty((n, 6))
     repaired = np.zeros(n, np.bool_)
     x, P = np.zeros(STATES), np.diag(tune.P0)
     X, Y, Z = np.empty((POINTS, STATES)), np.empty((POINTS, STATES)), np.empty((POINTS, ROWS))
@@ -165,19 +165,19 @@ def _compiled(
             for p in range(POINTS):
                 measure(X[p], k, inputs, car, Z[p])
             correct(x, P, X, Z, z[k], tune.R)
-        xs[k] = x
-        for i in range(STATES):
-            sds[k, i] = np.sqrt(P[i, i])
-        axles[k, 0] = np.sqrt(P[11, 11] + P[12, 12] + 2 * P[11, 12])
-        axles[k, 1] = np.sqrt(P[13, 13] + P[14, 14] + 2 * P[13, 14])
-    return xs, sds, axles, repaired
+        forces[k] = x[MEASURED_STATES:]
+        for i in range(4):
+            sd[k, i] = np.sqrt(P[7 + i, 7 + i])
+        sd[k, 4] = np.sqrt(P[11, 11] + P[12, 12] + 2 * P[11, 12])
+        sd[k, 5] = np.sqrt(P[13, 13] + P[14, 14] + 2 * P[13, 14])
+    return forces, sd, repaired
 
 
 def _reference(
     z: Floats, start: Floats, frozen: Bools, inputs: TireInputs, tune: Tuning, car: PlanarCar
-) -> tuple[Floats, Floats, Floats, Bools]:
+) -> tuple[Floats, Floats, Bools]:
     n = len(z)
-    xs, sds, axles = np.empty((n, STATES)), np.empty((n, STATES)), np.empty((n, 2))
+    forces, sd = np.empty((n, 8)), np.empty((n, 6))
     x, P = np.zeros(STATES), np.diag(tune.P0)
     _restart(x, P, start[0], tune.P0)
     ukf = reference_ukf(x, P, tune.Q)
@@ -204,6 +204,6 @@ def _reference(
             known = np.flatnonzero(np.isfinite(z[k]))
             if len(known):
                 ukf.update(z[k][known], R=np.diag(tune.R[known]), hx=hx, k=k, known=known)
-        xs[k], sds[k] = ukf.x, np.sqrt(np.diag(ukf.P))
-        axles[k] = [np.sqrt(ukf.P[i : i + 2, i : i + 2].sum()) for i in (11, 13)]
-    return xs, sds, axles, np.zeros(n, np.bool_)
+        forces[k], sd[k, :4] = ukf.x[MEASURED_STATES:], np.sqrt(np.diag(ukf.P)[7:11])
+        sd[k, 4:] = [np.sqrt(ukf.P[i : i + 2, i : i + 2].sum()) for i in (11, 13)]
+    return forces, sd, np.zeros(n, np.bool_)
