@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from roadlog.storage.container import Bytes, Offsets, word
+from roadlog.storage.container import Bytes, Offsets, varying, word
 from roadlog.storage.records import LOG_TIME, MESSAGE_HEAD, PREFIX, PUBLISH_TIME
 from roadlog.types import Stamps
 
@@ -70,21 +70,28 @@ class Matcher:
 
     def __init__(self, layout: Layout, payload: bytes) -> None:
         self.layout = layout
+        self._mask = np.frombuffer(layout.mask, np.uint8)
+        self._masked = np.frombuffer(payload, np.uint8) & self._mask
         self.tests: list[tuple[int, str, int, int]] = []
-        mask = np.frombuffer(layout.mask, np.uint8)
         position = 0
-        while position < len(mask):
-            if not mask[position]:
+        while position < len(self._mask):
+            if not self._mask[position]:
                 position += 1
                 continue
-            room = int(np.argmin(np.append(mask[position : position + 8] != 0, False)))
+            room = int(np.argmin(np.append(self._mask[position : position + 8] != 0, False)))
             size = 1 << (room.bit_length() - 1)
             bits = int.from_bytes(layout.mask[position : position + size], "little")
             expected = int.from_bytes(payload[position : position + size], "little") & bits
             self.tests.append((MESSAGE_HEAD + position, f"<u{size}", bits, expected))
             position += size
 
+    def fits_all(self, matrix: Bytes, bits: Bytes) -> bool:
+        """Whether all records have this layout, where only `bits` vary between them."""
+        first = matrix[0, MESSAGE_HEAD:] & self._mask
+        return not (bits[MESSAGE_HEAD:] & self._mask).any() and bool((first == self._masked).all())
+
     def __call__(self, matrix: Bytes) -> NDArray[np.bool_]:
+        """Which records have this layout."""
         result = np.ones(len(matrix), np.bool_)
         for offset, dtype, bits, expected in self.tests:
             found = at(matrix, offset, np.dtype(dtype))
@@ -123,20 +130,26 @@ class Columns:
     _columns: dict[str, NDArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._time = np.empty(self.capacity, np.int64)
-        for name, dtype in self.codec.dtypes.items() if self.codec else ():
-            if self._is_wanted(name):
-                self._columns[name] = np.empty(self.capacity, dtype)
+        known = self.codec.dtypes if self.codec else {}
+        dtypes = {name: dtype for name, dtype in known.items() if self._is_wanted(name)}
+        # one piece of memory, which the system gives in few large pages
+        words = np.empty((1 + len(dtypes), self.capacity), np.int64)
+        self._time = words[0]
+        for row, (name, dtype) in zip(words[1:], dtypes.items(), strict=True):
+            self._columns[name] = row.view(dtype)[: self.capacity]
 
-    def add_equal(self, data: bytes, size: int) -> None:
-        """Take all records of a chunk; each has `size` bytes."""
-        matrix = np.frombuffer(data, np.uint8).reshape(-1, size)
-        inside = self._inside(at(matrix, LOG_TIME, np.dtype("<u8")))
+    def add_equal(self, matrix: Bytes, bits: Bytes) -> None:
+        """Take all records of a chunk, of which only `bits` vary."""
+        stamps = at(matrix, LOG_TIME, np.dtype("<u8")).copy()
+        inside = self._inside(stamps)
         if not inside.all():
-            matrix = matrix[inside]
-        shift = PUBLISH_TIME if self.clock == "publish" else LOG_TIME
-        base = self._reserve(at(matrix, shift, np.dtype("<i8")))
-        self._fill(matrix, slice(base, self.count))
+            matrix, stamps = matrix[inside], stamps[inside]
+        if not len(matrix):
+            return
+        if self.clock == "publish":
+            stamps = at(matrix, PUBLISH_TIME, np.dtype("<u8"))
+        base = self._reserve(stamps.view(np.int64))
+        self._fill(matrix, bits, slice(base, self.count))
 
     def add(self, data: bytes, offsets: Offsets) -> None:
         """Take the message records at these offsets of a chunk; they have been checked."""
@@ -150,11 +163,13 @@ class Columns:
         sizes = word(data, offsets, 1, "<i8") + PREFIX.size
         first = int(sizes[0])
         if (sizes == first).all():
-            self._fill(_gather(data, offsets, first), slice(base, self.count))
+            matrix = _gather(data, offsets, first)
+            self._fill(matrix, varying(matrix), slice(base, self.count))
             return
         for size in np.unique(sizes).tolist():
             which = np.flatnonzero(sizes == size)
-            self._fill(_gather(data, offsets[which], size), base + which)
+            matrix = _gather(data, offsets[which], size)
+            self._fill(matrix, varying(matrix), base + which)
 
     def finish(self) -> tuple[Stamps, dict[str, NDArray]]:
         """Times and columns in time order; equal times stay in the order of the file."""
@@ -189,16 +204,18 @@ class Columns:
         self._time[base : self.count] = stamps
         return base
 
-    def _fill(self, matrix: Bytes, rows: Rows) -> None:
-        """Take equally long records; each goes to its row."""
+    def _fill(self, matrix: Bytes, bits: Bytes, rows: Rows) -> None:
+        """Take equally long records, of which only `bits` vary; each goes to its row."""
         if self.codec is None or (self.wanted is not None and not self.wanted):
             return
         known = self._layouts.setdefault(matrix.shape[1], [])
         for matcher in known:
-            fits = matcher(matrix)
-            if fits.all():
+            if not len(matrix):
+                return
+            if matcher.fits_all(matrix, bits):
                 self._put_layout(matcher.layout, matrix, rows)
                 return
+            fits = matcher(matrix)
             if fits.any():
                 matrix, rows = self._part(matcher.layout, matrix, rows, fits)
         failures = 0
@@ -258,11 +275,10 @@ class Columns:
             dtype = values.dtype if is_first and isinstance(rows, slice) else np.dtype(np.float64)
             column = np.full(len(self._time), np.nan if dtype.kind == "f" else 0, dtype)
             self._columns[name] = column
-        dtype = np.promote_types(column.dtype, values.dtype)
-        if values.ndim == 0 and not np.isnan(values):
-            dtype = column.dtype  # a default, which every type holds
-        if dtype != column.dtype:
-            column = self._columns[name] = column.astype(dtype)
+        is_default = values.ndim == 0 and not np.isnan(values)  # which every type holds
+        if values.dtype != column.dtype and not is_default:
+            dtype = np.promote_types(column.dtype, values.dtype)
+            column = self._columns[name] = column.astype(dtype, copy=False)
         column[rows] = values
 
 

@@ -39,6 +39,7 @@ MAX_LZ4_RATIO = 256  # one byte of LZ4 stands for at most 255 (LZ4 block format)
 SCAN_WINDOW = 1 << 16  # bytes read at once to find where records begin
 RAW = "raw"  # compression of messages outside any chunk, which are handled as if in one
 RUN_SIZE = 1 << 20  # bytes; messages outside chunks are handled in pieces of about this size
+TOGETHER = 64  # records compared at once
 COPY_SIZE = 1 << 26  # bytes handed to the kernel, or read and written, at once
 _local = threading.local()
 
@@ -147,16 +148,12 @@ def inner_records(data: bytes, position: int, end: int) -> Iterator[Record]:
     while position < end:
         if position + PREFIX.size > end:
             raise Damage(f"{end - position} bytes are no record")
-        found = Record(*_place(data, position))
-        if found.end > end:
-            raise Damage(f"a record of {found.length} bytes where {end - position} are left")
-        yield found
-        position = found.end
-
-
-def _place(data: bytes, position: int) -> tuple[int, int, int]:
-    opcode, length = PREFIX.unpack_from(data, position)
-    return opcode, position, length
+        opcode, length = PREFIX.unpack_from(data, position)
+        after = position + PREFIX.size + length
+        if after > end:
+            raise Damage(f"a record of {length} bytes where {end - position} are left")
+        yield Record(opcode, position, length)
+        position = after
 
 
 def crc_of(source: Source, start: int, end: int, crc: int = 0) -> int:
@@ -340,20 +337,32 @@ def _are_messages(data: bytes, offsets: Offsets, channel: int) -> bool:
     )
 
 
-def equal_size(data: bytes, chunk: Chunk, channel: int) -> int:
-    """Size of each record where a chunk is nothing but equally long messages of one channel.
+def varying(matrix: Bytes) -> Bytes:
+    """The bits of equally long records that are not the same in all of them."""
+    size = matrix.shape[1]
+    flat = matrix.reshape(-1)
+    changes = flat[size:] ^ flat[:-size]
+    width = TOGETHER * size
+    count = len(changes) // width
+    rows = changes[: count * width].reshape(count, width)  # few and long: fast in NumPy
+    rest = changes[count * width :]
+    once = np.concatenate([np.bitwise_or.reduce(rows, axis=0), rest]).reshape(-1, size)
+    return np.bitwise_or.reduce(once, axis=0)
 
-    0 where it is not, and where the message index says nothing of their number.
+
+def equal_records(data: bytes, chunk: Chunk, channel: int) -> tuple[Bytes, Bytes] | None:
+    """A chunk that is nothing but equally long messages of one channel, as a matrix.
+
+    With it the bits that vary. None where it is not so, and where the message index says nothing
+    of their number.
     """
     count = chunk.indexed if chunk.indexes_length else 0
     size, rest = divmod(len(data), count) if count else (0, 1)
     if rest or size < MESSAGE_HEAD:
-        return 0
-    head = data[: PREFIX.size + 2]
-    if head != struct.pack("<BQH", records.MESSAGE, size - PREFIX.size, channel):
-        return 0
-    for shift, dtype in ((0, "<u8"), (8, "u1"), (9, "<u2")):
-        heads = np.ndarray((count,), dtype, data, shift, (size,))
-        if (heads != heads[0]).any():
-            return 0
-    return size
+        return None
+    head = struct.pack("<BQH", records.MESSAGE, size - PREFIX.size, channel)
+    if not data.startswith(head):
+        return None
+    matrix = np.frombuffer(data, np.uint8).reshape(-1, size)
+    bits = varying(matrix)
+    return None if bits[: len(head)].any() else (matrix, bits)

@@ -7,7 +7,7 @@ all records otherwise.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -232,8 +232,7 @@ def _add_index(source: Source, chunks: list[Chunk], found: Record) -> None:
     """Note a MessageIndex behind the last chunk."""
     channel = Fields(source.read(found.offset + PREFIX.size, min(found.length, 2))).take("H")
     last = chunks[-1]
-    chunks[-1] = replace(
-        last,
+    chunks[-1] = last._replace(
         indexes={**last.indexes, channel: found.offset},
         indexes_length=last.indexes_length + PREFIX.size + found.length,
     )
@@ -260,7 +259,7 @@ def _take_stock(source: Source, chunk: Chunk, result: Contents) -> None:
         result.losses.append(lost_chunk(chunk, damage))
         return
     if not len(inside.offsets):
-        result.chunks.append(replace(chunk, indexes={}, indexes_length=0))
+        result.chunks.append(chunk._replace(indexes={}, indexes_length=0))
         return
     times = word(data, inside.offsets, 15, "<u8")
     start, end = int(times.min()), int(times.max())
@@ -272,8 +271,8 @@ def _take_stock(source: Source, chunk: Chunk, result: Contents) -> None:
     places = listed(source, chunk, data) if chunk.indexes_length else None
     if places is None or sum(map(len, places.values())) != len(inside.offsets):
         # the walk found each message: its channels stand in for the missing or damaged indexes
-        chunk = replace(chunk, indexes=dict.fromkeys(ids.tolist(), 0), indexes_length=0)
-    result.chunks.append(replace(chunk, start_ns=start, end_ns=end))
+        chunk = chunk._replace(indexes=dict.fromkeys(ids.tolist(), 0), indexes_length=0)
+    result.chunks.append(chunk._replace(start_ns=start, end_ns=end))
 
 
 def _check_declared(result: Contents) -> None:

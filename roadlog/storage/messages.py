@@ -36,7 +36,7 @@ class Wire:
     """
 
     def __init__(self, table: Table, channel: int) -> None:
-        self._time = table.time
+        self.time = table.time
         parts = list(_parts(schemas.descriptor(table.schema), "", table))
         used = {name for name, _, _ in parts}
         for name in table.columns:
@@ -61,23 +61,21 @@ class Wire:
                 self._values[f"value{k}"] = values
             elif values is not None:
                 template[f"value{k}"] = values
-        self._template = template
-
-    @property
-    def size(self) -> int:
-        """Bytes of one message record."""
-        return self._template.itemsize
+        self.size = template.itemsize  # bytes of one message record
+        self._records = template
 
     def rows(self, rows: slice) -> NDArray:
-        """The message records of these rows of the table."""
-        time = self._time[rows]
-        result = np.repeat(self._template, len(time))
+        """The message records of these rows of the table, until the next call."""
+        time = self.time[rows]
+        if len(time) > len(self._records):
+            self._records = np.repeat(self._records[:1], len(time))
+        result = self._records[: len(time)]
         result["sequence"] = np.arange(rows.start, rows.start + len(time))
         result["log_time"] = time
         result["publish_time"] = time
         for name, values in self._values.items():
             result[name] = values[rows]
-        release([self._time, *self._values.values()])
+        release([self.time, *self._values.values()])
         return result
 
 

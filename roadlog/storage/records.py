@@ -5,13 +5,11 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
+
+from isal.isal_zlib import crc32 as crc32  # 4 times as fast as zlib's
 
 from roadlog.errors import LogReadError
-
-try:
-    from isal.isal_zlib import crc32 as crc32  # 4 times as fast as zlib's
-except ImportError:
-    from zlib import crc32 as crc32
 
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -74,8 +72,11 @@ class ChannelRecord:
         )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Chunk:
+# of a ChunkIndex: before its list of message indexes, before a name, and behind that
+_PLACE, _MIDDLE, _CHUNK_SIZES = map(struct.Struct, ("<4QI", "<QI", "<2Q"))
+
+
+class Chunk(NamedTuple):
     """Where a chunk lies and what it holds.
 
     indexes: channel id -> offset of its MessageIndex; empty when there is none. size: of the
@@ -94,16 +95,18 @@ class Chunk:
 
     @classmethod
     def parse(cls, content: bytes) -> Chunk:
-        """From a ChunkIndex record."""
-        fields = Fields(content)
-        start, end, offset, length = (fields.take("Q") for _ in range(4))
-        indexes = dict(struct.iter_unpack("<HQ", fields.blob("I", 10)))
-        indexes_length = fields.take("Q")
-        compression = fields.text()
-        return cls(
-            start, end, offset, length, indexes, indexes_length, compression,
-            fields.take("Q"), fields.take("Q"),
-        )  # fmt: skip
+        """From a ChunkIndex record, of which a long log has thousands."""
+        try:
+            start, end, offset, length, size = _PLACE.unpack_from(content)
+            behind = _PLACE.size + size
+            indexes = dict(struct.iter_unpack("<HQ", content[_PLACE.size : behind]))
+            indexes_length, size = _MIDDLE.unpack_from(content, behind)
+            behind += _MIDDLE.size + size
+            compression = content[behind - size : behind].decode()
+            sizes = _CHUNK_SIZES.unpack_from(content, behind)
+        except (struct.error, UnicodeDecodeError) as error:
+            raise Damage("a chunk index is not what it should be") from error
+        return cls(start, end, offset, length, indexes, indexes_length, compression, *sizes)
 
     def pack(self) -> bytes:
         indexes = b"".join(struct.pack("<HQ", *item) for item in self.indexes.items())
@@ -149,6 +152,9 @@ class Statistics:
         return record(STATISTICS, numbers, blob("I", counts))
 
 
+_WIDTHS = {"H": 2, "I": 4, "Q": 8}
+
+
 class Fields:
     """The fields of one record, taken one after another. Raises Damage where they end early."""
 
@@ -158,8 +164,7 @@ class Fields:
 
     def take(self, code: str) -> int:
         """One little-endian integer of the given struct code."""
-        size = struct.calcsize("<" + code)
-        return int(struct.unpack("<" + code, self._next(size))[0])
+        return int.from_bytes(self._next(_WIDTHS[code]), "little")
 
     def blob(self, code: str, multiple: int = 1) -> bytes:
         """Bytes behind their length; the length must be a multiple of `multiple`."""

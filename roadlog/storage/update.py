@@ -9,8 +9,9 @@ from __future__ import annotations
 import os
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -81,6 +82,13 @@ def _write(
     writer.finish(with_summary=not plan.has_damage)
 
 
+class _Range(NamedTuple):
+    """Bytes of a file that are kept as they are."""
+
+    start: int
+    end: int
+
+
 @dataclass
 class _Plan:
     """What becomes of the data section of a log.
@@ -98,7 +106,7 @@ class _Plan:
     unused: set[int]
     inner: set[int]
     inner_unused: set[int]
-    steps: list[tuple[int, int] | Chunk] = field(default_factory=list)
+    steps: list[_Range | Chunk] = field(default_factory=list)
     metadata: list[tuple[int, int, str]] = field(default_factory=list)
     attachments: list[tuple[int, int]] = field(default_factory=list)
     has_damage: bool = False
@@ -160,9 +168,11 @@ class _Plan:
         return True
 
     def _keep(self, start: int, end: int) -> None:
-        if self.steps and isinstance(self.steps[-1], tuple) and self.steps[-1][1] == start:
-            start = self.steps.pop()[0]  # type: ignore[index]
-        self.steps.append((start, end))
+        last = self.steps[-1] if self.steps else None
+        if isinstance(last, _Range) and last.end == start:
+            self.steps[-1] = _Range(last.start, end)
+        else:
+            self.steps.append(_Range(start, end))
 
     def execute(self, writer: Writer, source: Source | Before) -> None:
         """Write what is kept and is not there yet, and tell the writer what there is."""
@@ -176,8 +186,8 @@ class _Plan:
             if isinstance(step, Chunk):
                 self._rewrite(step, writer, source)
                 continue
-            is_there = step == (0, writer.offset)
-            moved.append((step[0], 0 if is_there else writer.offset))
+            is_there = step == _Range(0, writer.offset)
+            moved.append((step.start, 0 if is_there else writer.offset))
             if not is_there:
                 writer.copy(source, *step)
         starts = [start for start, _ in moved]
@@ -194,7 +204,7 @@ class _Plan:
             if chunk.compression != RAW:
                 listed = chunk.indexes.items() if chunk.indexes_length else ()
                 indexes = {id_: place(offset) for id_, offset in listed}
-                writer.chunks.append(replace(chunk, offset=place(chunk.offset), indexes=indexes))
+                writer.chunks.append(chunk._replace(offset=place(chunk.offset), indexes=indexes))
         for offset, length, name in self.metadata:
             data = source.read(offset, length)
             writer.metadata.append(records.metadata_index(place(offset), data, name))
@@ -216,8 +226,8 @@ class _Plan:
     def first_change(self) -> int:
         """Where the first kept range ends."""
         first = self.steps[0]
-        assert isinstance(first, tuple)
-        return first[1]
+        assert isinstance(first, _Range)
+        return first.end
 
     def _rewrite(self, chunk: Chunk, writer: Writer, source: Source | Before) -> None:
         """What is left of a chunk without the dropped channels; a few bytes of others may be."""

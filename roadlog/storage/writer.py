@@ -39,6 +39,7 @@ from roadlog.storage.table import Table
 
 WINDOW = 60 * 10**9  # ns of one channel in a chunk, aligned to the epoch
 MAX_CHUNK = 1 << 20  # bytes before compression: what players load at once (Foxglove's advice)
+BUFFER = 1 << 20  # bytes that are written to the file at once
 ZSTD_LEVEL = 1  # faster and, on quantized sensor values, smaller than the default 3
 
 Times = NDArray[np.uint64]
@@ -69,7 +70,7 @@ class Writer:
     end_ns: int | None = None
     _compressors: dict[str, Callable[[bytes | memoryview], bytes]] = field(default_factory=dict)
 
-    def put(self, data: bytes) -> None:
+    def put(self, data: bytes | memoryview) -> None:
         self.file.write(data)
         self.offset += len(data)
         if self.crc is not None:
@@ -108,19 +109,20 @@ class Writer:
             parts += [(window, id_, wire, rows) for window, wire, rows in _windows(table, id_)]
         parts.sort(key=lambda part: part[0])  # stable: tables stay in order
         for _, id_, wire, rows in parts:
-            found = wire.rows(rows)
-            offsets = np.arange(len(found)) * wire.size
-            data = found.view(np.uint8).data
-            self.put_chunk(data, {id_: (found["log_time"], offsets)}, self.compression)
+            times = wire.time[rows].astype("<u8")
+            data = wire.rows(rows).view(np.uint8).data
+            offsets = np.arange(0, len(data), wire.size)
+            self.put_chunk(data, {id_: (times, offsets)}, self.compression)
 
     def put_chunk(
         self, data: bytes | memoryview, index: Mapping[int, tuple[Times, Offsets]], compression: str
     ) -> None:
         """One chunk of records, with a MessageIndex for each channel: its times and offsets."""
-        compressed = self._compress(compression)(data)
-        start = min(int(times.min()) for times, _ in index.values())
-        end = max(int(times.max()) for times, _ in index.values())
+        entries = {id_: _in_order(*found) for id_, found in index.items()}
+        start = min(int(found[0, 0]) for found in entries.values())
+        end = max(int(found[-1, 0]) for found in entries.values())
         self.cover(start, end)
+        compressed = self._compress(compression)(data)
         offset = self.offset
         head = struct.pack("<QQQI", start, end, len(data), crc32(data)) + records.text(compression)
         size = len(head) + 8 + len(compressed)
@@ -128,14 +130,12 @@ class Writer:
         self.put(compressed)
         behind = self.offset
         places = {}
-        for id_, (times, offsets) in index.items():
+        for id_, found in entries.items():
             places[id_] = self.offset
-            entries = np.stack([times.astype("<u8"), offsets.astype("<u8")], axis=1)
-            if (times[1:] < times[:-1]).any():
-                entries = entries[np.argsort(times, kind="stable")]
-            head = struct.pack("<HI", id_, entries.nbytes)
-            self.put(records.record(records.MESSAGE_INDEX, head, entries.tobytes()))
-            self.counts[id_] = self.counts.get(id_, 0) + len(times)
+            size = found.nbytes
+            self.put(struct.pack("<BQHI", records.MESSAGE_INDEX, size + 6, id_, size))
+            self.put(found.data.cast("B"))
+            self.counts[id_] = self.counts.get(id_, 0) + len(found)
         self.chunks.append(
             Chunk(
                 start, end, offset, behind - offset, places, self.offset - behind, compression,
@@ -202,6 +202,15 @@ class Writer:
         footer += struct.pack("<QQ", start, start + len(summary))
         summary += offsets + footer
         self.put(summary + struct.pack("<I", crc32(summary)) + MAGIC)
+
+
+def _in_order(times: Times, offsets: Offsets) -> NDArray[np.uint64]:
+    """Times and offsets of messages as the rows of a MessageIndex."""
+    result = np.empty((len(times), 2), "<u8")
+    result[:, 0], result[:, 1] = times, offsets
+    if (times[1:] < times[:-1]).any():
+        result = result[np.argsort(times, kind="stable")]
+    return result
 
 
 def _free(used: set[int]) -> int:
@@ -273,7 +282,7 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
     except OSError as error:
         raise LogWriteError(f"{path}: cannot be written: {error.strerror}") from error
     try:
-        with os.fdopen(handle, "wb") as file:
+        with os.fdopen(handle, "wb", BUFFER) as file:
             os.fchmod(file.fileno(), _mode(path))
             yield file
             file.flush()
