@@ -36,6 +36,7 @@ METHODS = (
     "ls_attitude",
     "fuel_level",
 )
+CITY_METHODS = ("static_slope", "kasaba", "grade_pitch_ekf")  # on a drive with stops, best of 3
 
 
 def best(run: Callable[[], object], times: int = 3) -> float:
@@ -47,6 +48,13 @@ def best(run: Callable[[], object], times: int = 3) -> float:
         run()
         durations.append(time.perf_counter() - started)
     return min(durations)
+
+
+def hour_of(drive: Drive) -> Drive:
+    """An hour of the same again and again."""
+    copies = -(-HOUR // len(drive))
+    signals = {role: np.tile(values, copies)[:HOUR] for role, values in drive.signals.items()}
+    return Drive(np.arange(HOUR) / 100.0, 0, 100.0, signals, {})
 
 
 def main() -> None:
@@ -73,15 +81,18 @@ def main() -> None:
     ):
         compiled, reference = (best(lambda e=e, r=run: r(e)) for e in ("compiled", "reference"))
         ratios[name] = round(reference / compiled, 1)
-    copies = -(-HOUR // SHARED)
-    signals = {role: np.tile(values, copies)[:HOUR] for role, values in short.signals.items()}
-    hour = Drive(np.arange(HOUR) / 100.0, 0, 100.0, signals, {})
+    hour = hour_of(short)
     seconds = {}
     for method in METHODS:
         estimators.run(method, short, simulation.vehicle)  # compiles
         started = time.perf_counter()
         estimators.run(method, hour, simulation.vehicle)
         seconds[method] = round(time.perf_counter() - started, 3)
+    city = simulate("city")
+    streets = hour_of(Drive.from_tables(city.tables))
+    for method in CITY_METHODS:
+        run = lambda m=method: estimators.run(m, streets, city.vehicle)  # noqa: E731
+        seconds[method] = round(best(run), 3)
     total = round(sum(seconds.values()), 2)
     result = {"times_filterpy": ratios, "hour_s": seconds, "hour_total_s": total}
     print(json.dumps(result, indent=2))

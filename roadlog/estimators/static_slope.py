@@ -43,7 +43,7 @@ def static_slope(
     position = vehicle.imu_position
     full = params.align == "full" or (params.align == "auto" and position is not None)
     lever = np.array(position if position is not None else (0.0, 0.0, 0.0))
-    stops = find_stops(drive, static, params)
+    stops = find_stops(drive, static, full, params)
     windows = Windows(drive, static, lever, full, params)
     events = [event for stop in stops for event in windows.events(stop, engine)]
     mean, mean_sd = running_mean(events, params)

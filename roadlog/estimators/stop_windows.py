@@ -19,7 +19,9 @@ from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
 START_RATE = 0.07  # s, half of the mean that gives the rate at a stop; 3.8, step 3
-NOISE_MARGIN = 4.0  # standard deviations of white noise that a steady stop may show besides
+NOISE_MARGIN = 4.0  # standard deviations of noise that a car at rest may show besides
+STIR_TIME = 0.1  # s, mean that tells the first stir of a car at rest from noise
+STIR = 0.005  # m/s2, change of that mean that is none
 VOID = FLAGS["missing"] | FLAGS["excitation"] | FLAGS["standstill"]  # the window has no end
 
 
@@ -46,7 +48,16 @@ class StaticSlopeParameters:
     unsteady_max: float = parameter(
         0.05, "m/s2", "change between the halves of the averaging window: still moving (ours)"
     )
-    chord_max: float = parameter(0.01, "m", "deviation from a straight slope, way back; 3.6")
+    chord_max: float = parameter(0.01, "m", "deviation of the path from a straight slope; 3.6")
+    way_back_max: float = parameter(
+        0.05, "m", "a car that rolls back by more is flagged; tires give by less (ours)"
+    )
+    lift_off: float = parameter(
+        0.5, "m", "full: slope of the path beyond it, when the body has lifted and pitched (ours)"
+    )
+    gravity_averaging: float = parameter(
+        6.0, "s", "full: mean size of the specific force, wherever the body turns to (ours)"
+    )
     weights: Literal["equal", "variance"] = parameter(
         "equal", "", "of the running mean; variance: 1/sd^2; 3.7"
     )
@@ -58,11 +69,13 @@ class StaticSlopeParameters:
 class Stop:
     """A standstill: samples first .. last and the gyro bias there (3,), rad/s.
 
-    starts, ends: the car is known to drive before and after it.
+    still: its samples in which the body is at rest. starts, ends: the car is known to drive before
+    and after it.
     """
 
     first: int
     last: int
+    still: slice
     gyro_bias: Floats
     starts: bool
     ends: bool
@@ -72,7 +85,8 @@ class Stop:
 class Statics:
     """The standing body (3.3): angles in rad, gravity in m/s2, noise density in m/s2/sqrt(Hz).
 
-    time: s of known samples that were averaged. steady: the specific force did not change.
+    time, gravity_time: s of known samples that were averaged for the angles and for the gravity.
+    steady: the specific force did not change.
     """
 
     inclination: float
@@ -80,6 +94,7 @@ class Statics:
     gravity: float
     noise: float
     time: float
+    gravity_time: float
     steady: bool
 
     @property
@@ -92,7 +107,8 @@ class Statics:
 class Event:
     """One window into (DECELERATION) or out of (ACCELERATION) a stop, begun at `sample`.
 
-    duration: s. flags: bits of `signals.FLAGS`, 0 when the event may be used.
+    lift_off: sample of the path from which on its slope counts. duration: s. flags: bits of
+    `signals.FLAGS`, 0 when the event may be used.
     """
 
     sample: int
@@ -100,6 +116,7 @@ class Event:
     stop: Stop
     statics: Statics
     path: Path
+    lift_off: int
     duration: float
     flags: int
 
@@ -111,7 +128,7 @@ class Event:
     @property
     def grade(self) -> float:
         """rad, slope of the path, eq. (15); NaN when the window has no end."""
-        return np.nan if self.flags & VOID else self.path.slope
+        return np.nan if self.flags & VOID else self.path.slope_after(self.lift_off)
 
     @property
     def pitch(self) -> float:
@@ -120,34 +137,77 @@ class Event:
 
     @property
     def pitch_sd(self) -> float:
-        """rad, of the pitch from accelerometer noise (3.7)."""
+        """rad, of the pitch from accelerometer noise (3.7).
+
+        Of the height between the times t0 and t: white noise integrated twice, and what the mean
+        at rest errs by, which is integrated twice as well.
+        """
         if self.flags & VOID:
             return np.nan
         t = self.duration
-        root = np.sqrt(t**3 / 3 + t**4 / (4 * self.statics.time))
-        return float(self.statics.noise * root / self.path.s[-1])
+        t0 = t * self.lift_off / (len(self.path) - 1)
+        white = (t - t0) ** 2 * (t + 2 * t0) / 3
+        mean = (t**2 - t0**2) ** 2 / (4 * self.statics.gravity_time)
+        length = self.path.s[-1] - self.path.s[self.lift_off]
+        return float(self.statics.noise * np.sqrt(white + mean) / length)
 
 
-def find_stops(drive: Drive, static: Bools, params: StaticSlopeParameters) -> list[Stop]:
-    """Standstills of at least `min_standstill`; a gap in the speed neither starts nor ends one."""
+def find_stops(
+    drive: Drive, static: Bools, full: bool, params: StaticSlopeParameters
+) -> list[Stop]:
+    """Standstills of at least `min_standstill`; a gap in the speed neither starts nor ends one.
+
+    full: the body comes to rest `settle` after the car, and stirs before the wheels do: brakes are
+    released, the drive winds up. Without it the body is at rest as long as the car stands.
+    """
     margin = round(params.hold_off * drive.rate)
     known = np.isfinite(drive.speed)
-    rate = _vectors(drive, "gyro")
+    force, rate = _vectors(drive, "accel"), _vectors(drive, "gyro")
+    settle, least = (round(t * drive.rate) for t in (params.settle, params.min_averaging))
     spans = [s for s in runs(static) if (s.stop - s.start) * drive.dt >= params.min_standstill]
-    stops = []
-    for span, bias in zip(spans, _gyro_biases(rate, spans, drive.dt, params), strict=True):
-        first, last = span.start, span.stop - 1
-        # the moving sample that bounds the standstill lies one hold-off away
-        starts = first > 0 and bool(known[first - margin - 1])
-        ends = last + 1 < len(drive) and bool(known[last + margin + 1])
-        stops.append(Stop(first, last, bias, starts, ends))
-    return stops
+    # the moving sample that bounds a standstill lies one hold-off away
+    starts = [s.start > 0 and bool(known[s.start - margin - 1]) for s in spans]
+    ends = [s.stop < len(drive) and bool(known[s.stop + margin]) for s in spans]
+    stills = list(spans)
+    if full:
+        for k, span in enumerate(spans):
+            stop = (
+                _first_stir(force[span], drive.rate, params) if ends[k] else span.stop - span.start
+            )
+            settled = settle if starts[k] and stop - settle >= least else 0
+            stills[k] = slice(span.start + settled, span.start + stop)
+    biases = _gyro_biases(rate, stills, drive.dt, params)
+    return [
+        Stop(span.start, span.stop - 1, stills[k], biases[k], starts[k], ends[k])
+        for k, span in enumerate(spans)
+    ]
+
+
+def _first_stir(force: Floats, rate: float, params: StaticSlopeParameters) -> int:
+    """Samples of a standstill before the force (n, 3) leaves the level that it had until then."""
+    n, short = len(force), round(STIR_TIME * rate)
+    while True:
+        last = force[max(n - round(params.averaging * rate), 0) : n]
+        half = len(last) // 2
+        if half < 2 * short or not np.isfinite(last).all():
+            return n
+        level = last[:half]
+        sums = np.cumsum(np.concatenate([np.zeros((1, 3)), last - level.mean(axis=0)]), axis=0)
+        means = (sums[short:] - sums[:-short]) / short  # of the samples k .. k + short
+        white = level.std(axis=0) * np.sqrt(1 / short + 1 / half)
+        spread = np.maximum(white, means[: half - short].std(axis=0))
+        stirs = np.flatnonzero((np.abs(means[half:]) > STIR + NOISE_MARGIN * spread).any(axis=1))
+        if not len(stirs):
+            return n
+        n += half - len(last) + int(stirs[0])
+        if stirs[0] > 0:
+            return n  # else it was not level even before
 
 
 def _gyro_biases(
     rate: Floats, spans: list[slice], dt: float, params: StaticSlopeParameters
 ) -> list[Floats]:
-    """rad/s (3,) per stop: its mean rate, or the low-pass over standing samples at its end (3.2).
+    """rad/s (3,) per stop: its mean rate, or the low-pass over samples at rest at its end (3.2).
 
     Backward in time the bias is known best at the end of the stop as well.
     """
@@ -196,16 +256,16 @@ class Windows:
     def _event(self, stop: Stop, kind: int, engine: Engine) -> Event:
         params = self.params
         back = kind == DECELERATION
-        sample = stop.first if back else stop.last
+        sample = stop.first if back else stop.still.stop - 1
         averaged = self._averaged(stop, kind)
-        statics = self._statics(averaged)
-        end, reason = self._reach(sample, -1 if back else 1)
+        statics = self._statics(averaged, self._weighed(stop, kind, averaged))
+        end, reason = self._reach(stop, kind, sample)
         # from the window's first sample to the far end of the averaging the gyro must be known
         near = slice(min(sample, averaged.start), max(sample + 1, averaged.stop))
         aligned = not self.full or bool(self.known[near].all())
         if statics.time < params.min_averaging or not aligned or not self.known[sample]:
             path = Path(*np.zeros((5, 1)))
-            return Event(sample, kind, stop, statics, path, 0.0, FLAGS["missing"])
+            return Event(sample, kind, stop, statics, path, 0, 0.0, FLAGS["missing"])
         step = -self.dt if back else self.dt
         picked = slice(end, sample + 1) if back else slice(sample, end + 1)
         order = slice(None, None, -1 if back else 1)
@@ -234,25 +294,29 @@ class Windows:
             flags |= FLAGS["saturated"]
         if not statics.steady:
             flags |= FLAGS["model"]
-        return Event(sample, kind, stop, statics, path, (len(path) - 1) * self.dt, flags)
+        lift_off = int(np.argmax(path.s >= params.lift_off)) if self.full else 0
+        duration = (len(path) - 1) * self.dt
+        return Event(sample, kind, stop, statics, path, lift_off, duration, flags)
 
     def _judged(self, path: Path) -> int:
         """Flags of a complete window: a bent road (chord test), a car that rolled back."""
         flags = 0
         if path.chord_deviation > self.params.chord_max:
             flags |= FLAGS["rejected"]
-        if path.way_back > self.params.chord_max:
+        if path.way_back > self.params.way_back_max:
             flags |= FLAGS["model"]
         return flags
 
-    def _reach(self, sample: int, step: int) -> tuple[int, int]:
+    def _reach(self, stop: Stop, kind: int, sample: int) -> tuple[int, int]:
         """The last sample that a window may use, and the flag if that is too near (3.4)."""
         limit = round(self.params.max_time * self.rate_hz)
+        step = -1 if kind == DECELERATION else 1
         ahead = np.arange(sample + step, sample + step * (limit + 1), step)
         ahead = ahead[(ahead >= 0) & (ahead < len(self.known))]
         reason = FLAGS["excitation"] if len(ahead) == limit else FLAGS["missing"]
-        for bad, name in ((~self.known, "missing"), (self.static, "standstill")):
-            hits = np.flatnonzero(bad[ahead])
+        standing = self.static[ahead] & ((ahead < stop.first) | (ahead > stop.last))
+        for bad, name in ((~self.known[ahead], "missing"), (standing, "standstill")):
+            hits = np.flatnonzero(bad)
             if len(hits):
                 ahead, reason = ahead[: hits[0]], FLAGS[name]
         return (int(ahead[-1]) if len(ahead) else sample), reason
@@ -260,7 +324,7 @@ class Windows:
     def _averaged(self, stop: Stop, kind: int) -> slice:
         """Samples of the standing car whose mean gives its attitude (3.4)."""
         count = round(self.params.averaging * self.rate_hz)
-        after = stop.last + 1
+        after = stop.still.stop
         if kind == ACCELERATION:
             return slice(max(stop.first, after - count), after)
         first = stop.first
@@ -269,12 +333,26 @@ class Windows:
             first = min(first + round(self.params.settle * self.rate_hz), max(first, latest))
         return slice(first, min(first + count, after))
 
-    def _statics(self, averaged: slice) -> Statics:
+    def _weighed(self, stop: Stop, kind: int, averaged: slice) -> slice:
+        """Samples of the body at rest whose mean gives the gravity: those averaged, and beyond."""
+        if not self.full:
+            return averaged
+        count = max(
+            round(self.params.gravity_averaging * self.rate_hz), averaged.stop - averaged.start
+        )
+        if kind == ACCELERATION:
+            return slice(
+                min(averaged.start, max(stop.still.start, averaged.stop - count)), averaged.stop
+            )
+        return slice(averaged.start, min(averaged.start + count, stop.still.stop))
+
+    def _statics(self, averaged: slice, weighed: slice) -> Statics:
         force = self.force[averaged][self.known[averaged]]
         n = len(force)
         if n < 2:
-            return Statics(np.nan, np.nan, np.nan, np.nan, n * self.dt, False)
+            return Statics(np.nan, np.nan, np.nan, np.nan, n * self.dt, n * self.dt, False)
         x, y, z = force.mean(axis=0)
+        still = self.force[weighed][self.known[weighed]]
         halves = force[: n // 2], force[n // 2 :]
         change = halves[1].mean(axis=0) - halves[0].mean(axis=0)
         spread = np.sqrt(np.mean([half[:, 0].var() for half in halves]))
@@ -285,9 +363,10 @@ class Windows:
         return Statics(
             inclination=float(np.arctan2(x, np.hypot(y, z))),
             roll_total=float(np.arctan2(y, z)),
-            gravity=float(np.sqrt(x * x + y * y + z * z)),
+            gravity=float(np.linalg.norm(still.mean(axis=0))),
             noise=noise,
             time=time,
+            gravity_time=len(still) * self.dt,
             steady=bool(np.hypot(change[0], change[1]) <= allowed),
         )
 

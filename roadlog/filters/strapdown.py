@@ -37,7 +37,12 @@ class Path:
     @property
     def slope(self) -> float:
         """rad, uphill along the car's nose +; eq. (15) with the sign of the direction (3.6)."""
-        return float(np.arctan2(np.sign(self.x[-1]) * self.z[-1], self.s[-1]))
+        return self.slope_after(0)
+
+    def slope_after(self, k: int) -> float:
+        """rad, like `slope`, of the path from its sample k on."""
+        rise = np.sign(self.x[-1]) * (self.z[-1] - self.z[k])
+        return float(np.arctan2(rise, self.s[-1] - self.s[k]))
 
     @property
     def chord_deviation(self) -> float:

@@ -223,11 +223,7 @@ def test_engines_agree() -> None:
 
 @pytest.mark.slow
 def test_urban_drives_with_the_imu_far_ahead() -> None:
-    """B11: IMU 1.9 m ahead, 8 drives of 28 events at each of two loads; errors in deg.
-
-    The chapter's worst drive by `full` was 0.035, of these it is 0.083: an event spreads by
-    0.16, so the mean of a drive by 0.03 and more. Their mean is held to the issue's 0.03 instead.
-    """
+    """B11: IMU 1.9 m ahead, 8 drives of 28 events at each of two loads; errors in deg."""
     errors: dict[str, list[list[float]]] = {name: [] for name in METHODS}
     for load in (0.3, 1.2):
         found: dict[str, list[float]] = {name: [] for name in METHODS}
@@ -243,10 +239,11 @@ def test_urban_drives_with_the_imu_far_ahead() -> None:
     each = {name: np.abs(np.array(values)) for name, values in errors.items()}
     mean = {name: np.abs(np.mean(values, axis=1)) for name, values in errors.items()}
     assert mean["full"].max() < 0.03
-    assert each["full"].max() < 0.10
+    assert each["full"].max() < 0.06
     assert each["paper"].min() > 0.15
     assert each["kasaba"].max() < 0.3
-    assert each["full"].mean() < min(each["kasaba"].mean(), each["ekf"].mean())
+    for baseline in ("kasaba", "ekf"):
+        assert (each["full"].mean(axis=1) < each[baseline].mean(axis=1)).all()
 
 
 # What a log can bring that the method did not expect. -------------------------------------------
@@ -310,9 +307,55 @@ def test_a_wheel_sensor_that_reads_zero_early(align: str) -> None:
     assert np.degrees(np.abs(found["pitch"] - true)).max() < 0.01
     beyond = np.where(np.abs(v) < 1.2, 0.0, v)  # 1.2 s: the "standing" car still moves
     found = events(estimate(tables(v, a, 0.02, true, wheel=beyond), align=align))
+    if align == "paper":
+        assert (found["flags"] & FLAGS["model"] > 0).all()
+    else:  # it sees the car start, and averages long after it stopped
+        assert (found["flags"] == 0).all()
+        assert np.degrees(np.abs(found["pitch"] - true)).max() < 0.01
+    far = np.where(np.abs(v) < 2.2, 0.0, v)  # 2.2 s
+    found = events(estimate(tables(v, a, 0.02, true, wheel=far), align=align))
     wrong = np.degrees(np.abs(found["pitch"] - true)) > 0.1
-    assert (found["flags"][wrong] & FLAGS["model"] > 0).all()
-    assert (found["flags"] & FLAGS["model"]).any()
+    assert (found["flags"][wrong] > 0).all()
+
+
+def test_a_window_begins_at_the_first_stir_of_the_body() -> None:
+    """Brakes let go 0.3 s before the hold-off begins: the body rises, until the car pulls away."""
+    v, a = motions(2.0, 1, wait=6.0)
+    parts = tables(v, a, noise=1e-3)
+    t = (parts[0].time - EPOCH_NS) * 1e-9
+    rise = (t >= 5.2) & (t < 5.4)
+    parts[0].columns["accel_z"] += 0.06 * (rise * 1.0 - np.roll(rise, 80))  # to 12 mm/s and back
+    still, fixed = (events(estimate(parts, align=align))["pitch"][0] for align in ("full", "paper"))
+    assert abs(np.degrees(fixed)) > 0.2
+    assert abs(np.degrees(still)) < 0.05
+
+
+def test_a_body_that_lifts_when_it_pulls_away_does_not_tilt_the_slope() -> None:
+    """By 5 mm within the first 0.3 s: 0.14 deg of the 2 m, nothing of what lies beyond 0.5 m."""
+    v, a = motions(2.0, 1, wait=6.0)
+    parts = tables(v, a, 0.05, np.radians(0.5))
+    t = (parts[0].time - EPOCH_NS) * 1e-9
+    share = 2 * np.pi * np.clip((t - 6.0) / 0.3, 0.0, 1.0)
+    parts[0].columns["accel_z"] += 0.005 * 2 * np.pi / 0.3**2 * np.sin(share)
+    error = {}
+    for lift_off in (0.0, 0.5):
+        found = events(estimate(parts, align="full", lift_off=lift_off))
+        error[lift_off] = np.degrees(np.abs(found["pitch"][0] - np.radians(0.5)))
+    assert error[0.0] > 0.1
+    assert error[0.5] < 0.01
+
+
+def test_noise_spreads_the_pitch_of_full_alignment_less_and_it_knows_by_how_much() -> None:
+    noise = 300e-6 * G
+    v, a = motions(2.0, 50, wait=4.0)
+    parts = tables(v, a, 0.05, noise=noise, seed=3)
+    full, paper = (
+        events(estimate(parts, align=align, chord_max=0.05)) for align in ("full", "paper")
+    )
+    assert full["valid"].all()
+    spread = full["pitch"].std(ddof=1)
+    assert spread == pytest.approx(full["pitch_sd"].mean(), rel=0.15)
+    assert spread < 0.8 * paper["pitch"].std(ddof=1)
 
 
 def test_a_clock_gap_inside_a_stop_makes_no_event() -> None:
