@@ -358,7 +358,8 @@ def test_noise_spreads_the_pitch_of_full_alignment_less_and_it_knows_by_how_much
     assert spread < 0.8 * paper["pitch"].std(ddof=1)
 
 
-def test_a_clock_gap_inside_a_stop_makes_no_event() -> None:
+@pytest.mark.parametrize("align", ["paper", "full"])
+def test_a_clock_gap_inside_a_stop_makes_no_event(align: str) -> None:
     v, a = motions(2.0, 2, wait=4.0)
     whole = tables(v, a, 0.02, 0.01)
     t = (whole[0].time - EPOCH_NS) * 1e-9
@@ -367,9 +368,10 @@ def test_a_clock_gap_inside_a_stop_makes_no_event() -> None:
         Table(p.topic, p.schema, p.time[keep], {k: c[keep] for k, c in p.columns.items()})
         for p in whole
     ]
-    with_gap, without = events(estimate(parts)), events(estimate(whole))
+    with_gap, without = (events(estimate(p, align=align)) for p in (parts, whole))
     assert with_gap["kind"].tolist() == without["kind"].tolist()
     assert np.allclose(with_gap["time"], without["time"])
+    assert with_gap["flags"].tolist() == [0, 0, 0, 0]
     assert np.degrees(np.abs(with_gap["pitch"] - 0.01)).max() < 1e-6
 
 
