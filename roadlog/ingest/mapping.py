@@ -82,17 +82,25 @@ def signals(profile: Profile, located: Sequence[Located]) -> tuple[Signals, list
     """
     found: Signals = {}
     mapped = []
-    for entry, frame, column in located:
+    fresh: dict[tuple[str, int, float], Stamps] = {}  # of a device's messages with a new value
+    # an accuracy stays the same for long: it belongs to the values beside it
+    for entry, frame, column in sorted(located, key=lambda place: _is_accuracy(place.entry)):
         time, samples = _samples(entry, frame, column)
         section = entry.role.partition(".")[0]
-        if section in SLOW_SECTIONS:
+        device = section, id(frame), entry.delay
+        if section in SLOW_SECTIONS and not (_is_accuracy(entry) and device in fresh):
             time, samples = _fresh(time, samples)
+            fresh[device] = np.union1d(fresh.get(device, time[:0]), time)
+        elif section in SLOW_SECTIONS:
+            time, samples = _at(time, samples, fresh[device])
         found[entry.role] = time, samples
         usable = sum(int(np.isfinite(samples[rows]).sum()) for rows in blocks(len(samples)))
         release([time, samples])
         place = f"{frame.name}.{column}" if frame.name else column
         unit = entry.unit or "-"
         mapped.append(Mapped(entry.role, place, frame.file, unit, usable, len(samples) - usable))
+    order = [place.entry.role for place in located]
+    mapped.sort(key=lambda m: order.index(m.role))
     for section, mount in profile.mounts.items():
         for kind in ("accel", "gyro"):
             _mount(found, [f"{section}.{kind}_{axis}" for axis in AXES], mount)
@@ -166,6 +174,21 @@ def _fresh(time: Stamps, values: Floats) -> tuple[Stamps, Floats]:
         before = float(values[rows][-1])
         release([time, values])
     return stamps.column(), kept.column()
+
+
+def _at(time: Stamps, values: Floats, stamps: Stamps) -> tuple[Stamps, Floats]:
+    """The rows of some stamps, block by block."""
+    kept, chosen = Spool(np.int64), Spool(np.float64)
+    for rows in blocks(len(time)):
+        keep = np.isin(time[rows], stamps)
+        kept.append(time[rows][keep])
+        chosen.append(values[rows][keep])
+        release([time, values])
+    return kept.column(), chosen.column()
+
+
+def _is_accuracy(entry: Entry) -> bool:
+    return entry.role.endswith("_accuracy")
 
 
 def refreshed(time: Stamps, values: Floats, before: float = np.nan) -> Bools:

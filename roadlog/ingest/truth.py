@@ -15,6 +15,7 @@ from roadlog.types import Floats, Stamps
 KERNEL = 4.0  # s, sd of the Gaussian window: a GNSS altitude wanders by meters within seconds
 REACH = 3.0  # kernels to either side
 SLOWEST = 2.0  # m/s; below it the altitude changes by its noise only
+OUTAGE = 1.5  # a fix that much less accurate than the median is one below bridges and trees
 LONGEST_STEP = 3.0  # s between fixes; no slope across a longer gap
 
 
@@ -23,12 +24,11 @@ def from_gnss(tables: Sequence[Table]) -> Table:
 
     A local straight line is fitted to altitude over distance with Gaussian weights (sd 4 s;
     Cleveland 1979, local regression). Distance is the integral of the GNSS speed, or of /speed.
-    sd is that of the fitted slope where the scatter about the line wanders as a receiver's error
-    does. Raises LogReadError without altitude and speed.
+    Fixes whose stated accuracy is OUTAGE times worse than the drive's median are left out. sd is
+    that of the fitted slope from the scatter about the line; the receiver's slow errors are not
+    in it. Raises LogReadError without altitude and speed.
     """
-    by_topic = {table.topic: table for table in tables}
-    gnss = by_topic.get(SECTIONS["gnss"].topic)
-    altitude = _known(gnss, "altitude")
+    altitude = _altitude(next((t for t in tables if t.topic == SECTIONS["gnss"].topic), None))
     known_speed = speed(tables)
     if altitude is None or known_speed is None:
         raise LogReadError(
@@ -42,7 +42,10 @@ def from_gnss(tables: Sequence[Table]) -> Table:
     run = np.concatenate([[0], np.cumsum(steps > LONGEST_STEP)])
     grade, sd = np.full(len(time), np.nan), np.full(len(time), np.nan)
     for k in np.flatnonzero(v >= SLOWEST):
-        near = slice(*np.searchsorted(time, [time[k] - REACH * KERNEL, time[k] + REACH * KERNEL]))
+        reach = REACH * KERNEL
+        near = slice(
+            np.searchsorted(time, time[k] - reach), np.searchsorted(time, time[k] + reach, "right")
+        )
         same = run[near] == run[k]
         weight = np.exp(-0.5 * ((time[near] - time[k]) / KERNEL) ** 2) * same
         slope, slope_sd = _slope(distance[near], heights[near], weight)
@@ -52,6 +55,17 @@ def from_gnss(tables: Sequence[Table]) -> Table:
     if not known.any():
         raise LogReadError("--truth-from gnss: the car never moves with a valid altitude")
     return table(stamps[known], grade[known], sd[known])
+
+
+def _altitude(gnss: Table | None) -> tuple[Stamps, Floats] | None:
+    """Altitudes while the receiver has its usual accuracy."""
+    known = _known(gnss, "altitude")
+    stated = _known(gnss, "vertical_accuracy")
+    if known is None or stated is None:
+        return known
+    accuracy = np.interp(known[0], *stated)
+    usual = accuracy <= OUTAGE * np.median(accuracy)
+    return known[0][usual], known[1][usual]
 
 
 def speed(tables: Sequence[Table]) -> tuple[Stamps, Floats] | None:
