@@ -85,6 +85,8 @@ class Source:
                 if not copied:
                     break
                 position += copied
+                # the disk begins to write these now, so that less is left for fsync
+                os.posix_fadvise(file.fileno(), at, copied, os.POSIX_FADV_DONTNEED)
         except (OSError, AttributeError):
             pass
         file.seek(target + position - start)
@@ -123,11 +125,11 @@ class Record(NamedTuple):
 
 def outer_records(source: Source, position: int = len(MAGIC)) -> Iterator[Record]:
     """Records of a file outside chunks, without their content. Raises Damage where one is cut."""
-    base, window = 0, b""
+    base, window, size = 0, b"", SCAN_WINDOW
     while position < source.size:
         if position + PREFIX.size > base + len(window):
             base = position
-            window = source.read(base, min(SCAN_WINDOW, source.size - base))
+            window = source.read(base, min(size, source.size - base))
         if len(window) < PREFIX.size or window == MAGIC:
             break
         opcode, length = PREFIX.unpack_from(window, position - base)
@@ -140,6 +142,7 @@ def outer_records(source: Source, position: int = len(MAGIC)) -> Iterator[Record
         if opcode == records.FOOTER:
             return
         position = found.end
+        size = PREFIX.size if length > SCAN_WINDOW else SCAN_WINDOW  # chunks follow one another
     raise Damage("the end of the file is missing")
 
 
