@@ -148,7 +148,8 @@ def _from_summary(source: Source) -> Contents | None:
         is_data_end = data_end[: PREFIX.size] == PREFIX.pack(records.DATA_END, 4)
         if is_data_end and crc and crc != crc_of(source, 0, start - DATA_END_SIZE):
             return None  # the scan says what is wrong
-    return result if _is_complete(result, statistics) else None
+    is_possible = statistics.messages * records.INDEX_ENTRY <= source.size
+    return result if is_possible and _is_complete(result, statistics) else None
 
 
 def _is_complete(found: Contents, said: Statistics) -> bool:

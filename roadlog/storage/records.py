@@ -19,6 +19,7 @@ SUMMARY_OFFSET, DATA_END = 14, 15
 
 PREFIX = struct.Struct("<BQ")  # opcode and length of every record's content
 MESSAGE_HEAD = 31  # bytes before a message's payload: prefix, channel, sequence, two times
+INDEX_ENTRY = 16  # bytes of one message in a MessageIndex: log time and offset
 CRC_MARK = b"crc32"  # announces the CRC behind a MetadataIndex
 LOG_TIME, PUBLISH_TIME = 15, 23  # where its times lie
 MESSAGE_FIELDS = 22  # of these, the ones that the record's length counts
@@ -120,7 +121,7 @@ class Chunk(NamedTuple):
     @property
     def indexed(self) -> int:
         """Number of messages that the MessageIndex records list, by their length."""
-        return (self.indexes_length - 15 * len(self.indexes)) // 16
+        return (self.indexes_length - 15 * len(self.indexes)) // INDEX_ENTRY
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import random
 import resource
+import struct
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ from conftest import EPOCH_NS, hill_tables, table
 from container_view import view
 from mcap.writer import CompressionType, IndexType, Writer
 
-from roadlog.errors import LogReadError, RoadlogError
+from roadlog.errors import LogReadError, MissingSignalError, RoadlogError
 from roadlog.storage import LogReader, container, records, schemas, write_log
 
 MAX_SECONDS = 2.0  # CPU of one case
@@ -130,6 +132,25 @@ def test_cut_in_the_middle(drive: Path) -> None:
     count, losses = speeds(drive)
     assert COUNT // 2 < count < COUNT
     assert "cut short" in losses[0]
+
+
+@pytest.mark.parametrize("index_types", [IndexType.ALL, IndexType.NONE])
+def test_cut_between_two_records(drive: Path, index_types: IndexType) -> None:
+    """Nothing is half there, so only what is missing at the end shows it."""
+    whole = 600
+    foreign(drive, whole, chunk_size=8_000, index_types=index_types)
+    data = drive.read_bytes()
+    ends = [at.end for at in container.outer_records(container.Source(drive))]
+    assert len(ends) > 10
+    for end in ends[:-1]:
+        drive.write_bytes(data[:end])
+        try:
+            count, losses = speeds(drive)
+        except (MissingSignalError, LogReadError):
+            assert end <= ends[2]  # before the first chunk
+            continue
+        assert count == whole or "the end of the file is missing" in losses[0]
+        assert losses  # exit code 3
 
 
 def test_cut_in_the_summary(drive: Path) -> None:
@@ -252,6 +273,33 @@ def test_one_payload_that_cannot_be_decoded(drive: Path) -> None:
         values = log.read()["/speed"].columns["v"]
         assert log.losses == ["/speed: 1 of 20 messages cannot be decoded"]
     np.testing.assert_array_equal(values, [np.nan if k == 7 else k for k in range(20)])
+
+
+def test_declared_counts_are_not_believed(tmp_path: Path) -> None:
+    """A summary, whole and under its CRC, that says a small file has 2^40 messages."""
+    path = tmp_path / "x.mcap"
+    write_log(path, [table("speed", EPOCH_NS + np.arange(50), {"v": np.arange(50.0)})], {})
+    data = path.read_bytes()
+    start = int.from_bytes(data[-28:-20], "little")
+    many = 1 << 40
+    summary = b""
+    for at in container.inner_records(data, start, len(data) - 37):
+        content = data[at.offset + 9 : at.end]
+        if at.opcode == records.CHUNK_INDEX:
+            chunk = records.Chunk.parse(content)
+            length = 15 + records.INDEX_ENTRY * many
+            summary += chunk._replace(indexes_length=length, size=1 << 60).pack()
+        elif at.opcode == records.STATISTICS:
+            found = records.Statistics.parse(content)
+            summary += replace(found, messages=many, counts={1: many}).pack()
+        elif at.opcode != records.SUMMARY_OFFSET:
+            summary += data[at.offset : at.end]
+    summary += records.PREFIX.pack(records.FOOTER, 20) + struct.pack("<QQ", start, 0)
+    crc = struct.pack("<I", records.crc32(summary))
+    path.write_bytes(data[:start] + summary + crc + records.MAGIC)
+    with LogReader(path) as log:
+        assert log.read()["/speed"].columns["v"].tolist() == list(range(50))
+        assert log.losses == []
 
 
 @pytest.mark.parametrize("size", [1 << 62, container.MAX_CHUNK - 1])
