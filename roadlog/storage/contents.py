@@ -146,7 +146,7 @@ def _from_summary(source: Source) -> Contents | None:
         data_end = source.read(start - DATA_END_SIZE, DATA_END_SIZE)
         crc = int.from_bytes(data_end[-4:], "little")
         is_data_end = data_end[: PREFIX.size] == PREFIX.pack(records.DATA_END, 4)
-        if is_data_end and crc and crc != crc_of(source, 0, start - DATA_END_SIZE):
+        if not is_data_end or (crc and crc != crc_of(source, 0, start - DATA_END_SIZE)):
             return None  # the scan says what is wrong
     is_possible = statistics.messages * records.INDEX_ENTRY <= source.size
     return result if is_possible and _is_complete(result, statistics) else None

@@ -169,6 +169,20 @@ def test_wrong_summary_crc(drive: Path) -> None:
     assert "summary is damaged (wrong CRC)" in losses[0]
 
 
+@pytest.mark.parametrize("hide", [False, True])
+def test_changed_metadata_of_others_is_said(drive: Path, hide: bool) -> None:
+    """It is under the CRC of the data only, which another flip may hide."""
+    foreign(drive, 30, enable_data_crcs=True)
+    data = bytearray(drive.read_bytes())
+    data[data.index(b"driver")] ^= 0x20
+    if hide:
+        data[int.from_bytes(data[-28:-20], "little") - 6] ^= 4  # the length of DataEnd
+    drive.write_bytes(data)
+    with LogReader(drive) as log:
+        (loss,) = log.losses
+    assert ("it is damaged: the record at byte" if hide else "wrong CRC") in loss
+
+
 def test_corrupt_chunk_is_skipped_and_its_times_are_said(drive: Path) -> None:
     with LogReader(drive) as log:
         chunk = log.contents.chunks[1]
