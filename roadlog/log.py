@@ -16,6 +16,7 @@ from roadlog.drive import DEFAULT_RATE, Drive
 from roadlog.errors import LogReadError, MissingSignalError, near
 from roadlog.estimate import Estimate
 from roadlog.location_fix import location_fix
+from roadlog.memory import trim
 from roadlog.signals import (
     ANGLES,
     FIX_TOPIC,
@@ -225,6 +226,8 @@ class DriveLog:
             for estimate in estimates:
                 records[f"estimate/{estimate.name}"] = _record(estimate, drive, engine)
                 yield from estimate.tables(drive)
+                del estimate
+                trim()
 
         replaced = {*records, *(f"estimate/{name}" for name in names)}
         with exclusive(self.path):

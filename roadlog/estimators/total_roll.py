@@ -284,18 +284,23 @@ def _velocity_model(
     r: Floats, f_x: Floats, f_y: Floats, z: Floats, heading_sd: Floats, dt: float
 ) -> LinearModel:
     """x = [v_x, v_y, bias x, bias y] at the IMU; second order in dt; 4.7 (d)."""
-    n = len(r)
-    A = np.zeros((n, 4, 4))
-    A[:, 0, 1], A[:, 1, 0] = r, -r
-    A[:, 0, 2] = A[:, 1, 3] = -1.0
-    F = np.eye(4) + A * dt + 0.5 * (A @ A) * dt**2
-    force = np.stack([f_x, f_y, np.zeros(n), np.zeros(n)], axis=1)
-    u = force * dt + 0.5 * dt**2 * np.einsum("kij,kj->ki", A, force)
+    half = 0.5 * dt**2
+    F = np.zeros((len(r), 4, 4))
+    F[:] = np.eye(4)
+    F[:, 0, 2] = F[:, 1, 3] = -dt
+    F[:, 0, 1], F[:, 1, 0] = r * dt, -r * dt
+    F[:, 0, 3], F[:, 1, 2] = -r * half, r * half
+    F[:, 0, 0] = F[:, 1, 1] = 1 - r**2 * half
+    u = np.zeros((len(r), 4))
+    u[:, 0], u[:, 1] = f_x * dt + r * f_y * half, f_y * dt - r * f_x * half
     H = np.zeros((1, 2, 4))
     H[0, 0, 0] = H[0, 1, 1] = 1.0
     speed = np.nan_to_num(z[:, 0])
     R = np.stack(
-        [np.full(n, VELOCITY_SD**2), VELOCITY_SD**2 + (speed * np.nan_to_num(heading_sd)) ** 2],
+        [
+            np.full(len(r), VELOCITY_SD**2),
+            VELOCITY_SD**2 + (speed * np.nan_to_num(heading_sd)) ** 2,
+        ],
         axis=1,
     )
     return LinearModel(

@@ -53,11 +53,15 @@ def kalman_filter(model: LinearModel, engine: Engine = "compiled") -> Track:
 
 
 def rts_smoother(model: LinearModel, filtered: Track, engine: Engine = "compiled") -> Track:
-    """Smoothed states: each step from all measurements (Rauch, Tung, Striebel 1965)."""
+    """Smoothed states: each step from all measurements (Rauch, Tung, Striebel 1965).
+
+    They take the place of `filtered`, which is used up: hours of covariances need room once.
+    """
     if engine == "reference":
         return _smooth_reference(model, filtered)
     _, _, F, Q, _, _, u, _ = _arrays(model)
-    return Track(*_smooth(filtered.x, filtered.P, F, Q, u))
+    _smooth(filtered.x, filtered.P, F, Q, u)
+    return filtered
 
 
 def _arrays(model: LinearModel) -> tuple[Floats, ...]:
@@ -209,14 +213,11 @@ def smooth_step(
 
 
 @njit(cache=True)
-def _smooth(xs: Floats, Ps: Floats, F: Floats, Q: Floats, u: Floats) -> tuple[Floats, Floats]:
-    steps = len(xs)
-    ys, Ss = xs.copy(), Ps.copy()
-    for k in range(steps - 2, -1, -1):
+def _smooth(xs: Floats, Ps: Floats, F: Floats, Q: Floats, u: Floats) -> None:
+    for k in range(len(xs) - 2, -1, -1):
         Fk = F[(k + 1) % len(F)]
         x_prior, P_prior = predict(xs[k], Ps[k], Fk, u[k + 1], Q[(k + 1) % len(Q)])
-        ys[k], Ss[k] = smooth_step(xs[k], Ps[k], Fk, x_prior, P_prior, ys[k + 1], Ss[k + 1])
-    return ys, Ss
+        xs[k], Ps[k] = smooth_step(xs[k], Ps[k], Fk, x_prior, P_prior, xs[k + 1], Ps[k + 1])
 
 
 def _filter_reference(model: LinearModel) -> Track:

@@ -6,7 +6,7 @@ written once; the compiled engine and filterpy both run it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -153,12 +153,13 @@ def smooth_suspension(
 ) -> SuspensionTrack:
     """Smoothed states: each step from all measurements (Rauch, Tung, Striebel 1965).
 
-    Predictions are made anew on the way back: an hour of them takes more memory than time.
+    They take the place of `track`, which is used up, and predictions are made anew on the way back:
+    hours of them take more memory than time.
     """
     run: Any = _smooth_reference if engine == "reference" else _smooth
     force = np.ascontiguousarray(model.force, np.float64)
-    x, P = run(track.x, track.P, force, np.asarray(model.Q, np.float64), model.car)
-    return replace(track, x=x, P=P)
+    run(track.x, track.P, force, np.asarray(model.Q, np.float64), model.car)
+    return track
 
 
 @njit(cache=True)
@@ -208,13 +209,11 @@ def _filter(
 
 
 @njit(cache=True)
-def _smooth(xs: Floats, Ps: Floats, force: Floats, Q: Floats, car: Floats) -> tuple[Floats, Floats]:
-    ys, Ss = xs.copy(), Ps.copy()
+def _smooth(xs: Floats, Ps: Floats, force: Floats, Q: Floats, car: Floats) -> None:
     for k in range(len(xs) - 2, -1, -1):
         x_prior, P_prior = ahead(xs[k], Ps[k], force[k + 1], Q, car)
         F = jacobian(xs[k], force[k + 1], car)
-        ys[k], Ss[k] = smooth_step(xs[k], Ps[k], F, x_prior, P_prior, ys[k + 1], Ss[k + 1])
-    return ys, Ss
+        xs[k], Ps[k] = smooth_step(xs[k], Ps[k], F, x_prior, P_prior, xs[k + 1], Ps[k + 1])
 
 
 def _filter_reference(
@@ -267,15 +266,11 @@ def _filter_reference(
     return xs, Ps, innovation, rejected
 
 
-def _smooth_reference(
-    xs: Floats, Ps: Floats, force: Floats, Q: Floats, car: Floats
-) -> tuple[Floats, Floats]:
-    ys, Ss = xs.copy(), Ps.copy()
+def _smooth_reference(xs: Floats, Ps: Floats, force: Floats, Q: Floats, car: Floats) -> None:
     for k in range(len(xs) - 2, -1, -1):
         F = jacobian(xs[k], force[k + 1], car)
         x_prior = transition(xs[k], force[k + 1], car)
         P_prior = F @ Ps[k] @ F.T + process_noise(xs[k], Q)
         C = np.linalg.solve(P_prior, F @ Ps[k]).T
-        ys[k] += C @ (ys[k + 1] - x_prior)
-        Ss[k] += C @ (Ss[k + 1] - P_prior) @ C.T
-    return ys, Ss
+        xs[k] += C @ (xs[k + 1] - x_prior)
+        Ps[k] += C @ (Ps[k + 1] - P_prior) @ C.T
