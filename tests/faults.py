@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -142,4 +143,17 @@ def pass_drive() -> tuple[list[Table], list[Table], Vehicle]:
         [t for t in tables if t.topic in known],
         [t for t in tables if t.topic not in known],
         drive.vehicle,
+    )
+
+
+def real_minute(shared: Path) -> tuple[list[Table], list[Table], Vehicle]:
+    """Inputs, truth and (default) car of the comma2k19 minute."""
+    from roadlog.ingest import ingest
+
+    known = {section.topic for section in INPUTS}
+    tables = ingest([shared / "comma2k19"]).tables
+    return (
+        [t for t in tables if t.topic in known],
+        [t for t in tables if t.topic not in known],
+        Vehicle(),
     )

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import faults
 import numpy as np
 import pytest
+from conftest import SHARED
 
 from roadlog import estimators
 from roadlog.drive import Drive
@@ -23,6 +24,8 @@ WORSE = 1.5  # times, and
 DEGREES = 0.1  # deg on top: how much worse than without the fault it may then still be
 pytestmark = pytest.mark.slow
 GROUP_FAULTS = [(g, f) for g in faults.GROUPS for f in faults.OF_A_GROUP]
+# without its IMU no method can run on the real drive, which has no torques
+REAL_FAULTS = [(g, f) for g, f in GROUP_FAULTS if (g, f.name) != ("imu", "removed")]
 
 
 class Pass:
@@ -105,6 +108,31 @@ def test_a_fault_of_one_group(mountain: Pass, group: str, fault: faults.Fault) -
 @pytest.mark.parametrize("fault", faults.OF_THE_LOG, ids=lambda fault: fault.name)
 def test_a_fault_of_the_whole_log(mountain: Pass, fault: faults.Fault) -> None:
     run_all(faults.inject(mountain.inputs, fault), mountain.vehicle)
+
+
+@pytest.fixture(scope="module")
+def minute() -> tuple[list[Table], Vehicle]:
+    """Inputs and car of a public drive."""
+    if not SHARED.is_dir():
+        pytest.skip("public drives: ../shared/data is missing")
+    inputs, _, vehicle = faults.real_minute(SHARED)
+    return inputs, vehicle
+
+
+@pytest.mark.parametrize(("group", "fault"), REAL_FAULTS, ids=lambda x: getattr(x, "name", x))
+def test_a_fault_of_one_group_of_a_real_drive(
+    minute: tuple[list[Table], Vehicle], group: str, fault: faults.Fault
+) -> None:
+    inputs, vehicle = minute
+    run_all(faults.inject(inputs, fault, group), vehicle)
+
+
+@pytest.mark.parametrize("fault", faults.OF_THE_LOG, ids=lambda fault: fault.name)
+def test_a_fault_of_a_whole_real_drive(
+    minute: tuple[list[Table], Vehicle], fault: faults.Fault
+) -> None:
+    inputs, vehicle = minute
+    run_all(faults.inject(inputs, fault), vehicle)
 
 
 @pytest.mark.parametrize("rate", [10, 25, 50, 200])
