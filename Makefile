@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 
 .PHONY: demo test test-all lint docs package schemas clean
 
-demo: $(VENV)/installed
+demo: $(VENV)/runs
 	$(BIN)/roadlog demo
 
 test: $(VENV)/installed
@@ -36,9 +36,13 @@ package: $(VENV)/installed
 schemas:
 	$(BIN)/python hatch_build.py
 
-$(VENV)/installed: pyproject.toml hatch_build.py $(wildcard schemas/*/*.proto schemas/*/*/*.proto)
+# roadlog alone: the demo need not wait for what only the tests use
+$(VENV)/runs: pyproject.toml hatch_build.py $(wildcard schemas/*/*.proto schemas/*/*/*.proto)
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --editable .
+	touch $@
+
+$(VENV)/installed: $(VENV)/runs
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"
 	touch $@
 

@@ -97,7 +97,10 @@ def seconds(command: list[str]) -> float:
 
 
 def main() -> None:
-    """Print how often the old file, the new one, or neither was there after the kill."""
+    """Print how often the old file, the new one, or neither was there after the kill.
+
+    Kills fall into one and a half times what the command takes alone, times the jobs beside it.
+    """
     trials = int(sys.argv[1]) if len(sys.argv) > 1 else 100
     jobs = int(sys.argv[2]) if len(sys.argv) > 2 else 2
     with tempfile.TemporaryDirectory() as top:
@@ -135,7 +138,7 @@ def main() -> None:
             folder = base / f"{kind}{seed}"
             folder.mkdir()
             chance = random.Random(seed)
-            outcome = kinds[kind](folder, sources[kind], chance, 1.2 * jobs * durations[kind] / 2)
+            outcome = kinds[kind](folder, sources[kind], chance, 1.5 * jobs * durations[kind])
             shutil.rmtree(folder)
             return kind, outcome
 

@@ -35,8 +35,8 @@ What to read from it:
 - A frozen sensor repeats a plausible value. Only what has a second opinion (`fusion`) holds.
 """
 SIMULATED = "The first 140 s of `mountain` with sensors: climbs, hairpins, a stop."
-REAL = """The comma2k19 minute, a highway with speeds from CAN, against its reference grade; the mean of the
-error, which is the unknown mounting's, is taken off."""
+REAL = """The comma2k19 minute, a highway with speeds from CAN, against its reference grade. The
+mean of the error, which is the unknown mounting's, is taken off."""
 
 
 def cells(tables: list[Table], truth: AngleTrack, vehicle: Vehicle, *, centered: bool) -> list[str]:
