@@ -70,25 +70,26 @@ class Matcher:
 
     def __init__(self, layout: Layout, payload: bytes) -> None:
         self.layout = layout
-        self._mask = np.frombuffer(layout.mask, np.uint8)
-        self._masked = np.frombuffer(payload, np.uint8) & self._mask
+        self._mask = int.from_bytes(layout.mask, "little")
+        self._masked = int.from_bytes(payload, "little") & self._mask
         self.tests: list[tuple[int, str, int, int]] = []
+        mask = np.frombuffer(layout.mask, np.uint8)
         position = 0
-        while position < len(self._mask):
-            if not self._mask[position]:
+        while position < len(mask):
+            if not mask[position]:
                 position += 1
                 continue
-            room = int(np.argmin(np.append(self._mask[position : position + 8] != 0, False)))
+            room = int(np.argmin(np.append(mask[position : position + 8] != 0, False)))
             size = 1 << (room.bit_length() - 1)
             bits = int.from_bytes(layout.mask[position : position + size], "little")
             expected = int.from_bytes(payload[position : position + size], "little") & bits
             self.tests.append((MESSAGE_HEAD + position, f"<u{size}", bits, expected))
             position += size
 
-    def fits_all(self, matrix: Bytes, bits: Bytes) -> bool:
+    def fits_all(self, matrix: Bytes, bits: int) -> bool:
         """Whether all records have this layout, where only `bits` vary between them."""
-        first = matrix[0, MESSAGE_HEAD:] & self._mask
-        return not (bits[MESSAGE_HEAD:] & self._mask).any() and bool((first == self._masked).all())
+        first = int.from_bytes(matrix[0, MESSAGE_HEAD:].tobytes(), "little")
+        return first & self._mask == self._masked and not bits >> 8 * MESSAGE_HEAD & self._mask
 
     def __call__(self, matrix: Bytes) -> NDArray[np.bool_]:
         """Which records have this layout."""
@@ -138,7 +139,7 @@ class Columns:
         for row, (name, dtype) in zip(words[1:], dtypes.items(), strict=True):
             self._columns[name] = row.view(dtype)[: self.capacity]
 
-    def add_equal(self, matrix: Bytes, bits: Bytes) -> None:
+    def add_equal(self, matrix: Bytes, bits: int) -> None:
         """Take all records of a chunk, of which only `bits` vary."""
         stamps = at(matrix, LOG_TIME, np.dtype("<u8")).copy()
         inside = self._inside(stamps)
@@ -204,7 +205,7 @@ class Columns:
         self._time[base : self.count] = stamps
         return base
 
-    def _fill(self, matrix: Bytes, bits: Bytes, rows: Rows) -> None:
+    def _fill(self, matrix: Bytes, bits: int, rows: Rows) -> None:
         """Take equally long records, of which only `bits` vary; each goes to its row."""
         if self.codec is None or (self.wanted is not None and not self.wanted):
             return

@@ -37,9 +37,10 @@ Bytes = NDArray[np.uint8]
 MAX_CHUNK = 1 << 29  # bytes; a larger chunk is refused (writers make them of about 1 MiB)
 MAX_LZ4_RATIO = 256  # one byte of LZ4 stands for at most 255 (LZ4 block format)
 SCAN_WINDOW = 1 << 16  # bytes read at once to find where records begin
+CHUNK_HEAD = struct.Struct("<BQQQQII")  # prefix, times, size, CRC, length of a name
 RAW = "raw"  # compression of messages outside any chunk, which are handled as if in one
 RUN_SIZE = 1 << 20  # bytes; messages outside chunks are handled in pieces of about this size
-TOGETHER = 64  # records compared at once
+TOGETHER = 128  # records compared at once
 COPY_SIZE = 1 << 26  # bytes handed to the kernel, or read and written, at once
 _local = threading.local()
 
@@ -182,16 +183,18 @@ def load(source: Reader, chunk: Chunk) -> bytes:
     if chunk.compression == RAW:
         return source.read(chunk.offset, chunk.length)
     whole = source.read(chunk.offset, chunk.length)
-    opcode, length = PREFIX.unpack_from(whole)
+    try:
+        opcode, length, _, _, size, crc, named = CHUNK_HEAD.unpack_from(whole)
+        behind = CHUNK_HEAD.size + named
+        compression = whole[CHUNK_HEAD.size : behind].decode()
+        (compressed,) = struct.unpack_from("<Q", whole, behind)
+    except (struct.error, UnicodeDecodeError) as error:
+        raise Damage("there is no chunk") from error
     if opcode != records.CHUNK or PREFIX.size + length != chunk.length:
         raise Damage("there is no chunk")
-    fields = Fields(whole)
-    fields.position = PREFIX.size + 16
-    size, crc, compression = fields.take("Q"), fields.take("I"), fields.text()
     if (size, compression) != (chunk.size, chunk.compression):
         raise Damage("it is not what its index says")
-    start = fields.position + 8
-    compressed = fields.take("Q")
+    start = behind + 8
     if start + compressed > len(whole):
         raise Damage(f"{compressed} bytes in a chunk of {len(whole)}")
     data = _inflate(memoryview(whole)[start : start + compressed], compression, size)
@@ -340,20 +343,23 @@ def _are_messages(data: bytes, offsets: Offsets, channel: int) -> bool:
     )
 
 
-def varying(matrix: Bytes) -> Bytes:
-    """The bits of equally long records that are not the same in all of them."""
-    size = matrix.shape[1]
-    flat = matrix.reshape(-1)
-    changes = flat[size:] ^ flat[:-size]
-    width = TOGETHER * size
-    count = len(changes) // width
-    rows = changes[: count * width].reshape(count, width)  # few and long: fast in NumPy
-    rest = changes[count * width :]
-    once = np.concatenate([np.bitwise_or.reduce(rows, axis=0), rest]).reshape(-1, size)
-    return np.bitwise_or.reduce(once, axis=0)
+def varying(matrix: Bytes) -> int:
+    """The bits of equally long records that are not the same in all; the first byte is lowest."""
+    count, size = matrix.shape
+    result = 0
+    step = max(1, RUN_SIZE // size)
+    for start in range(0, count - 1, step):
+        part = matrix[start : start + step + 1]
+        changes = part[1:] ^ part[:-1]
+        whole = len(changes) // TOGETHER * TOGETHER
+        if whole:  # few and long rows are what NumPy is fast at
+            once = np.bitwise_or.reduce(changes[:whole].reshape(-1, TOGETHER * size), axis=0)
+            changes = np.concatenate([once.reshape(-1, size), changes[whole:]])
+        result |= int.from_bytes(np.bitwise_or.reduce(changes, axis=0).tobytes(), "little")
+    return result
 
 
-def equal_records(data: bytes, chunk: Chunk, channel: int) -> tuple[Bytes, Bytes] | None:
+def equal_records(data: bytes, chunk: Chunk, channel: int) -> tuple[Bytes, int] | None:
     """A chunk that is nothing but equally long messages of one channel, as a matrix.
 
     With it the bits that vary. None where it is not so, and where the message index says nothing
@@ -368,4 +374,4 @@ def equal_records(data: bytes, chunk: Chunk, channel: int) -> tuple[Bytes, Bytes
         return None
     matrix = np.frombuffer(data, np.uint8).reshape(-1, size)
     bits = varying(matrix)
-    return None if bits[: len(head)].any() else (matrix, bits)
+    return None if bits & (1 << 8 * len(head)) - 1 else (matrix, bits)

@@ -29,7 +29,7 @@ from roadlog.storage.table import Channel, Table
 
 AHEAD = 2  # batches of chunks that are inflated while another is taken apart
 BATCH = 1 << 22  # bytes; to hand over every chunk on its own takes a tenth of the time
-WORTH_A_THREAD = 1 << 23  # bytes of chunks; below, starting a thread takes longer
+WORTH_A_THREAD = 1 << 26  # bytes of chunks; below, it all takes a tenth of a second
 
 NO_SCHEMA = Schema(0, "", "", b"")
 
