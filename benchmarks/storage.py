@@ -25,6 +25,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.decoder import DecoderFactory
 from mcap_protobuf.writer import Writer as ProtobufWriter
+from rerun.chunk import Chunk, McapReader
 
 from roadlog.signals import SECTIONS
 from roadlog.storage import LogReader, Table, container, schemas, update_log, write_log
@@ -128,11 +129,19 @@ def read(path: Path) -> Table:
         return log.read(["/imu"])["/imu"]
 
 
-def read_with_rerun(path: Path) -> int:
-    from rerun.chunk import McapReader
-
+def read_with_rerun(path: Path) -> list[Chunk]:
     reader = McapReader(path, include_topic_regex=[f"^{re.escape('/imu')}$"])
-    return sum(1 for _ in reader.stream())
+    return [chunk for chunk in reader.stream() if not chunk.is_static]
+
+
+def check_rerun(path: Path) -> None:
+    """It is given the same work: every message with the values that we read."""
+    own = read(path)
+    batches = [chunk.to_record_batch() for chunk in read_with_rerun(path)]
+    found = [batch.column(f"{own.schema}:message").flatten() for batch in batches]
+    for name, values in own.columns.items():
+        theirs = np.concatenate([np.asarray(part.field(name)) for part in found])
+        np.testing.assert_array_equal(theirs, values)
 
 
 def cost(function: Callable[..., object], *arguments: object) -> float:
@@ -159,6 +168,7 @@ def measure(folder: Path, minutes: float, rounds: int, large: int) -> dict[str, 
     ours, hand, stamped = (folder / f"{name}.mcap" for name in ("ours", "hand", "stamped"))
     write_log(ours, tables, {})
     write_stamped(stamped, len(tables[0]))
+    check_rerun(ours)
     with LogReader(ours) as log:
         parts = [(container.load(log.source, c), c) for c in log.contents.chunks]
     compress = zstandard.ZstdCompressor(level=ZSTD_LEVEL).compress
