@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from roadlog import toml
 from roadlog.errors import ConfigError, near
 
 Kind = Literal["given", "calibrated", "preset", "default"]
@@ -154,10 +153,7 @@ class Vehicle:
     @classmethod
     def from_toml(cls, text: str, where: str = "vehicle") -> Vehicle:
         """Parse a vehicle file's text; unknown keys are errors that offer the near names."""
-        try:
-            document = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise ConfigError(f"{where}: not a TOML file: {error}") from error
+        document = toml.loads(text, where)
         for section in document:
             if section not in ("vehicle", "tank", "sources"):
                 raise ConfigError(
@@ -244,7 +240,7 @@ def _source(kind: Kind, sd: Any, where: str) -> Source:
     if sd is None:
         return Source(kind)
     values = sd if isinstance(sd, list) else [sd]
-    if len(values) not in (1, 3) or not all(_number(v) and v >= 0 for v in values):
+    if len(values) not in (1, 3) or not all(toml.is_number(v) and v >= 0 for v in values):
         raise ConfigError(f"{where}: sd = {sd!r}: must be a number or three, not negative")
     if isinstance(sd, list) and len(values) == 3:
         return Source(kind, axis_sd=(float(values[0]), float(values[1]), float(values[2])))
@@ -264,10 +260,10 @@ def _checked(name: str, value: Any, where: str) -> Any:
     if name in _VECTORS:
         size = _VECTORS[name]
         unit = next(f.metadata["unit"] for f in fields(Vehicle) if f.name == name)
-        if not isinstance(value, list) or len(value) != size or not all(map(_number, value)):
+        if not isinstance(value, list) or len(value) != size or not all(map(toml.is_number, value)):
             raise ConfigError(f"{where} = {value!r}: must be {size} numbers [{unit}]")
         return tuple(float(v) for v in value)
-    if not _number(value):
+    if not toml.is_number(value):
         raise ConfigError(f"{where} = {value!r}: must be a number")
     if name in _SIGNED:
         return float(value)
@@ -282,7 +278,7 @@ def _rotation(value: Any, where: str) -> tuple[Axis, Axis, Axis]:
 
     rows = value if isinstance(value, list) and len(value) == 3 else []
     if not rows or not all(
-        isinstance(row, list) and len(row) == 3 and all(map(_number, row)) for row in rows
+        isinstance(row, list) and len(row) == 3 and all(map(toml.is_number, row)) for row in rows
     ):
         raise ConfigError(f"{where} = {value!r}: must be three rows of three numbers")
     matrix = np.array(rows, np.float64)
@@ -290,10 +286,6 @@ def _rotation(value: Any, where: str) -> tuple[Axis, Axis, Axis]:
     if deviation > _ORTHOGONAL or np.linalg.det(matrix) < 0:
         raise ConfigError(f"{where}: is no rotation of right-handed axes")
     return tuple(tuple(float(v) for v in row) for row in rows)  # type: ignore[return-value]
-
-
-def _number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _toml(value: Any) -> str:

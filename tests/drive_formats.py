@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +64,86 @@ def payloads() -> list[tuple[int, int, bytes]]:
             odo = database.get_message_by_name("Odo")
             frames.append((stamp, odo.frame_id, odo.encode({"v": float(SPEED[k // 5])})))
     return frames
+
+
+def write_trace(path: Path) -> Path:
+    """BLF, ASC, TRC or candump, by the suffix."""
+    can = pytest.importorskip("can")
+    with can.Logger(path) as writer:
+        for stamp, identifier, data in payloads():
+            writer.on_message_received(
+                can.Message(
+                    timestamp=stamp * 1e-9,
+                    arbitration_id=identifier,
+                    is_extended_id=False,
+                    data=data,
+                    channel=0,
+                )
+            )
+    return path
+
+
+def write_mdf(path: Path, version: str = "4.10") -> Path:
+    """MDF with a channel group for each clock."""
+    asammdf = pytest.importorskip("asammdf")
+    with asammdf.MDF(version=version) as file:
+        file.start_time = datetime.fromtimestamp(START * 1e-9, UTC)
+        signal = asammdf.Signal
+        file.append([signal(v, T, name=NAMES[k], unit=UNITS[k[0]]) for k, v in IMU.items()])
+        file.append([signal(SPEED, T[::5], name="v", unit="m/s")])
+        file.save(path)
+    return path
+
+
+def write_mdf_bus(path: Path) -> Path:
+    """MDF 4 with raw CAN frames."""
+    asammdf = pytest.importorskip("asammdf")
+    frames = payloads()
+    dtype = np.dtype(
+        [
+            ("CAN_DataFrame.BusChannel", "u1"),
+            ("CAN_DataFrame.ID", "<u4"),
+            ("CAN_DataFrame.IDE", "u1"),
+            ("CAN_DataFrame.DLC", "u1"),
+            ("CAN_DataFrame.DataLength", "u1"),
+            ("CAN_DataFrame.DataBytes", "(8,)u1"),
+        ]
+    )
+    rows = np.zeros(len(frames), dtype)
+    rows["CAN_DataFrame.ID"] = [identifier for _, identifier, _ in frames]
+    rows["CAN_DataFrame.DLC"] = rows["CAN_DataFrame.DataLength"] = 8
+    rows["CAN_DataFrame.DataBytes"] = [list(data) for _, _, data in frames]
+    times = np.array([(stamp - START) * 1e-9 for stamp, _, _ in frames])
+    with asammdf.MDF() as file:
+        file.start_time = datetime.fromtimestamp(START * 1e-9, UTC)
+        file.append(asammdf.Signal(rows, times, name="CAN_DataFrame"))
+        file.save(path)
+    return path
+
+
+def _table() -> dict[str, np.ndarray]:
+    v = np.full(N, np.nan)
+    v[::5] = SPEED
+    return {NAMES[k]: values for k, values in IMU.items()} | {"v": v}
+
+
+def write_text(path: Path) -> Path:
+    """CSV, blanks where there is no value."""
+    columns = _table()
+    rows = zip(TIME.tolist(), *(c.tolist() for c in columns.values()), strict=True)
+    lines = [",".join("" if x != x else repr(x) for x in row) for row in rows]
+    path.write_text(",".join(["time_ns", *columns]) + "\n" + "\n".join(lines) + "\n")
+    return path
+
+
+def write_parquet(path: Path, dates: bool = False) -> Path:
+    """Parquet with integer nanoseconds or with dates."""
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    time = TIME.astype("datetime64[ns]") if dates else TIME
+    parquet.write_table(pyarrow.table({"time": time, **_table()}), path)
+    return path
 
 
 ROS_NAMES = {
@@ -147,3 +228,18 @@ def write_ros2(path: Path, storage: str, late: int = 0) -> Path:
                 connections[topic] = writer.add_connection(topic, kind, typestore=store)
             writer.write(connections[topic], ns + late, store.serialize_cdr(message, kind))
     return path
+
+
+def write_kitti(folder: Path, count: int = 50) -> Path:
+    """A KITTI drive uphill at 10 m/s to the north, climbing 1 m/s."""
+    data = folder / "2011_09_26_drive_0001_sync" / "oxts" / "data"
+    data.mkdir(parents=True)
+    stamps = []
+    for k in range(count):
+        position, angles = [49 + 1e-6 * k, 8.4, 112 + 0.1 * k], [0.01, -0.02, np.pi / 2]
+        motion = [10.0, 0.0, 10.05, 0.0, 1.0, *[0.1, 0.2, 9.8] * 2, *[0.01, 0.02, 0.03] * 2]
+        row = [*position, *angles, *motion, 0.05, 0.03, 4, 9, 5, 5, 5]
+        (data / f"{k:010d}.txt").write_text(" ".join(map(str, row)))
+        stamps.append(f"2011-09-26 13:02:{25 + k // 10:02d}.{k % 10}00000009")
+    (data.parent / "timestamps.txt").write_text("\n".join(stamps) + "\n")
+    return data.parent.parent

@@ -18,12 +18,17 @@ debug = False
 
 def say(text: str) -> None:
     """A line of result."""
-    sys.stdout.write(text + "\n")
+    sys.stdout.write("\n".join(map(_plain, text.split("\n"))) + "\n")
 
 
 def complain(text: str) -> None:
     """A line of diagnostics."""
-    sys.stderr.write(f"roadlog: {text}\n")
+    sys.stderr.write(f"roadlog: {_plain(text)}\n")
+
+
+def _plain(line: str) -> str:
+    """Without what steers a terminal: names in a log are anyone's."""
+    return "".join(c if c.isprintable() or c == "\t" else "?" for c in line)
 
 
 def print_json(value: Any) -> None:
@@ -57,7 +62,7 @@ def print_table(
         is_text = k < left or (remark and k == len(columns) - 1)
         table.add_column(column, justify="left" if is_text else "right", no_wrap=k == 0)
     for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
+        table.add_row(*(Text(_plain(cell)) for cell in row))
     terminal = sys.stdout.isatty()
     Console(width=None if terminal else PIPE_WIDTH, highlight=False).print(table)
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from roadlog.errors import LogReadError, MissingExtraError, near
 from roadlog.ingest import obd
 from roadlog.ingest.frame import Frame, Recording, absent
-from roadlog.ingest.parsers import guarded
+from roadlog.ingest.parsers import guarded, readable
 from roadlog.ingest.profile import Profile
 from roadlog.storage.spool import Spool
 from roadlog.types import Bools, Floats, Stamps
@@ -28,6 +28,8 @@ SHOWN = 8  # identifiers in a message
 LONGEST = 64  # bits of a number
 REALS = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
 LONG = 4  # bits; a shorter field of ones is a state rather than "not available" (SAE J1939-71)
+FURTHEST = 8 * 65536  # bits; a message of a bus, put together of many frames, is shorter
+_BITS = re.compile(rb"(?<=:)\s*(\d{1,30})\s*\|\s*(\d{1,30})\s*(?=@)")  # of a signal: start|length
 _NO_VALUE = re.compile(r"\b(sna|not.?available|unavailable|invalid|no.?data)\b|^error", re.I)
 OBD_ANSWERS = range(0x7E8, 0x7F0)  # ISO 15765-4: 11-bit answers of up to eight ECUs
 
@@ -55,10 +57,20 @@ def load(paths: Sequence[Path]) -> list[Any]:
         if not path.is_file():
             siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
             raise LogReadError(f"{path}: no such DBC file. {near(path.name, siblings)}")
+        with readable(path):
+            _bounded(path)
         with guarded(path, "a DBC file"):
             database: Any = cantools.database.load_file(path, strict=False)
         messages += database.messages
     return messages
+
+
+def _bounded(path: Path) -> None:
+    """Refuse bits far outside of any message: cantools would take memory for all before them."""
+    for match in _BITS.finditer(path.read_bytes()):
+        if int(match[1]) > FURTHEST or int(match[2]) > FURTHEST:
+            said = match[0].decode("ascii")
+            raise LogReadError(f"{path}: cannot be read as a DBC file: a signal at bits {said}")
 
 
 def names(messages: Sequence[Any]) -> set[str]:

@@ -20,6 +20,7 @@ from roadlog.storage.spool import Spool
 
 BLOCK = 1 << 24  # bytes parsed at a time: bounds the memory of text beside that of numbers
 HEAD = 1 << 16  # bytes in which the header and the first row are
+WORD = 64  # bytes of a cell that is no number; no date is longer
 SHORTEST_ROW = 2  # bytes
 PREAMBLE = ("#", "%", "//", "sep=")  # comments, and Excel's word on the delimiter
 _BLANKS = frozenset(("", "-", "na", "n/a", "null", "none", "nan", "inf", "-inf"))
@@ -177,7 +178,7 @@ class _Reading:
 
         def text(row: int, place: int) -> str:
             start, end = spans[row, place]
-            return _decoded(data[start:end].tobytes()).strip().strip('"')
+            return _decoded(data[start : min(end, start + WORD)].tobytes()).strip().strip('"')
 
         time = kinds[:, 0]
         if 2 * (time == numbers.TEXT).sum() > (time != numbers.BLANK).sum():

@@ -147,7 +147,9 @@ def _samples(entry: Entry, frame: Frame, column: str) -> tuple[Stamps, Floats]:
     flag = None if entry.valid is None else frame.columns[entry.valid.name]
     found = Spool(np.float64)
     for rows in blocks(len(raw)):
-        values: Floats = (_numbers(raw[rows], entry.role) * entry.scale + entry.offset) * factor
+        with np.errstate(over="ignore", invalid="ignore"):  # what is beyond a float is unknown
+            numbers = _numbers(raw[rows], entry.role)
+            values: Floats = (numbers * entry.scale + entry.offset) * factor
         values[~np.isfinite(values)] = np.nan
         if entry.valid is not None and flag is not None:
             values[~entry.valid.holds(_numbers(flag[rows], entry.role))] = np.nan

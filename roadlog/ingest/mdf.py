@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import struct
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.errors import LogReadError, MissingExtraError
-from roadlog.ingest import can
+from roadlog.ingest import can, times
 from roadlog.ingest.frame import Frame, Recording, absent, unread
 from roadlog.ingest.parsers import guarded
 from roadlog.ingest.profile import Profile
@@ -24,7 +25,9 @@ MAGIC = b"MDF     "
 UNFINISHED = b"UnFinMF "  # the logger was switched off before it closed the file
 BUS = "CAN_DataFrame"  # ASAM MDF bus logging: raw frames
 SLICE = 1 << 25  # bytes of records read at a time
-MASTERS = (2, 3)  # channel types that are the time itself: master, virtual master
+LINKS = 3  # of a block that are looked at
+CHAINED = (b"DG", b"CG", b"CN", b"FH", b"CH", b"AT", b"EV", b"HL", b"DL", b"LD")
+PARENTS = (b"DG", b"CG", b"CN")
 
 
 def recognizes(path: Path) -> bool:
@@ -89,18 +92,28 @@ class _Group:
     def __init__(self, file: Any, index: int, epoch: int, path: Path) -> None:
         group = file.groups[index]
         self._file, self._index, self._epoch, self._path = file, index, epoch, path
-        self.title = str(group.channel_group.acq_name or "")
-        self.size = int(group.channel_group.cycles_nr)
+        self.title = str(getattr(group.channel_group, "acq_name", "") or "")  # not in version 3
         self.record = int(group.channel_group.samples_byte_nr)
+        held = sum(block.original_size for block in group.get_data_blocks())
+        # what is promised, as far as it is there
+        self.size = min(int(group.channel_group.cycles_nr), held // max(1, self.record))
         self.names: list[str] = [channel.name for channel in group.channels]
-        # of channels of one name the last counts
-        self.places = {
-            c.name: k for k, c in enumerate(group.channels) if c.channel_type not in MASTERS
-        }
-        self.units: dict[str, str] = {c.name: c.unit or "" for c in group.channels}
+        # of channels of one name the last counts; the master is the time itself
+        master = file.masters_db.get(index)
+        self.places = {name: k for k, name in enumerate(self.names) if k != master}
+
+    def units(self, wanted: Sequence[str]) -> dict[str, str]:
+        """As the file states them. Raises LogReadError."""
+        with guarded(self._path, "MDF"):
+            return {
+                name: self._file.get_channel_unit(group=self._index, index=self.places[name]) or ""
+                for name in wanted
+            }
 
     def slices(self, wanted: Sequence[str], raw: bool = False) -> Iterator[_Slice]:
         """Records of some channels in slices of SLICE bytes. Raises LogReadError."""
+        if lacking := [name for name in wanted if name not in self.places]:
+            raise LogReadError(f"{self._path}: a channel group has no {', '.join(lacking)}")
         channels = [(None, self._index, self.places[name]) for name in wanted]
         step = max(1, SLICE // max(1, self.record))
         for start in range(0, self.size, step):
@@ -114,8 +127,16 @@ class _Group:
                     copy_master=False,
                     ignore_value2text_conversions=True,
                 )
-                time = np.rint(signals[0].timestamps * 1e9).astype(np.int64) + self._epoch
-            yield _Slice(time, [s.samples for s in signals], [s.invalidation_bits for s in signals])
+                time, keep = times.from_numbers(np.asarray(signals[0].timestamps), "s")
+                found = _Slice(
+                    time + self._epoch,
+                    [s.samples[keep] for s in signals],
+                    [
+                        None if (bits := s.invalidation_bits) is None else bits[keep]
+                        for s in signals
+                    ],
+                )
+            yield found
 
 
 @contextmanager
@@ -131,6 +152,7 @@ def _opened(path: Path) -> Iterator[list[_Group]]:
             source.seek(0)
             shutil.copyfileobj(source, copy)
             opened = copy
+        _no_loops(path, opened)
         with guarded(path, "MDF"):
             # of a path asammdf reads whole columns, of an open file the records that are asked for
             file = MDF(opened, process_bus_logging=False)
@@ -138,6 +160,44 @@ def _opened(path: Path) -> Iterator[list[_Group]]:
             groups = [_Group(file, index, epoch, path) for index in range(len(file.groups))]
         with file:
             yield groups
+
+
+def _no_loops(path: Path, file: IO[bytes]) -> None:
+    """Refuse blocks that refer back to themselves: asammdf would follow them for ever.
+
+    In versions 3 and 4 alike, a block's first link is the next one of its kind, and its second
+    the first one of the kind below. Raises LogReadError.
+    """
+    file.seek(0)
+    new = int.from_bytes(file.read(30)[28:], "little") >= 400
+    head = struct.Struct("<2s2sIQQ" if new else "<2sH")
+    word = struct.Struct("<Q" if new else "<I")
+
+    def block(address: int) -> tuple[bytes, list[int]]:
+        file.seek(address)
+        start = file.read(head.size)
+        if len(start) < head.size:
+            return b"", []
+        kind = start[2:4] if new else start[:2]
+        links = file.read(LINKS * word.size)
+        return kind, [
+            link for (link,) in word.iter_unpack(links[: len(links) // word.size * word.size])
+        ]
+
+    _, starts = block(64)
+    seen: set[int] = set()
+    below = starts if new else starts[:1]
+    while below:
+        address = below.pop()
+        while address:
+            kind, links = block(address)
+            if kind not in CHAINED or len(links) < LINKS:
+                break
+            if address in seen:
+                raise LogReadError(f"{path}: cannot be read as MDF: its blocks go in a circle")
+            seen.add(address)
+            below += links[1:3] if kind in PARENTS else []
+            address = links[0]
 
 
 def _frame(group: _Group, file: str, profile: Profile) -> Frame:
@@ -164,7 +224,7 @@ def _frame(group: _Group, file: str, profile: Profile) -> Frame:
         columns[name] = (
             np.broadcast_to(text, len(stamps)) if name in texts else spools[name].column()
         )
-    return Frame(group.title, file, stamps, columns, group.units)
+    return Frame(group.title, file, stamps, columns, group.units(wanted))
 
 
 def _bus_frames(group: _Group) -> Iterator[can.CanFrames]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from roadlog.errors import LogReadError
 from roadlog.ingest.frame import Frame, Recording
 from roadlog.ingest.profile import Profile
+from roadlog.ingest.times import LAST_STAMP
 from roadlog.types import Floats, Stamps
 
 POSITIVE = 0x41  # answer to service 01
@@ -69,18 +70,23 @@ def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
     del profile, dbc
     rows: dict[int, tuple[list[int], list[float]]] = {}
     bad = 0
-    for line in path.read_text("utf-8", errors="replace").splitlines():
-        stamp, _, rest = line.partition(";")
-        key, _, value = rest.partition(";")
-        if not (len(key) == 4 and key.startswith("01")):
-            continue  # gps and remarks of the app
-        try:
-            times, values = rows.setdefault(int(key[2:], 16), ([], []))
-            number = float(value)
-            times.append(int(stamp) * 1_000_000)
-            values.append(number)
-        except ValueError:
-            bad += 1
+    with path.open(encoding="utf-8", errors="replace") as file:
+        for line in file:
+            stamp, _, rest = line.partition(";")
+            key, _, value = rest.partition(";")
+            if not (len(key) == 4 and key.startswith("01")):
+                continue  # gps and remarks of the app
+            try:
+                number, time, figure = int(key[2:], 16), int(stamp) * 1_000_000, float(value)
+            except ValueError:
+                bad += 1
+                continue
+            if abs(time) > LAST_STAMP:
+                bad += 1
+                continue
+            times, values = rows.setdefault(number, ([], []))
+            times.append(time)
+            values.append(figure)
     frames = [
         Frame(FRAME, path.name, np.array(times), {p.name: np.array(values)}, {p.name: p.unit})
         for number, (times, values) in rows.items()

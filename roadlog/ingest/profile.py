@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import operator
 import re
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
@@ -16,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from roadlog import toml
 from roadlog.errors import ConfigError, near
 from roadlog.ingest.frame import Frame
 from roadlog.signals import SECTIONS
@@ -28,6 +28,7 @@ TIME_KEYS = ("column", "unit", "clock")
 ENTRY_KEYS = ("from", "file", "unit", "scale", "offset", "delay", "valid")
 ORTHOGONAL = 1e-3  # how far a mount matrix may be from a rotation: three printed digits
 
+LONGEST_DELAY = 3600.0  # s; a clock that is off by more is what --time-offset is for
 FITTING = 3  # signals that make a shipped profile fit, where it has more
 
 _COMPARISONS: dict[str, Callable[[Any, Any], Any]] = {
@@ -123,10 +124,7 @@ class Profile:
     def from_toml(cls, text: str, name: str, where: str = "") -> Profile:
         """Parse a profile's text. An unknown key, role or unit is a ConfigError that names it."""
         where = where or f"profile {name}"
-        try:
-            document = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise ConfigError(f"{where}: not a TOML file: {error}") from error
+        document = toml.loads(text, where)
         clock = _clock(document.pop("time", {}), where)
         entries: dict[str, dict[str, Entry]] = {}
         mounts: dict[str, Floats] = {}
@@ -248,7 +246,7 @@ def rotation(mount: Any, where: str) -> Floats:
             raise ConfigError(f"{where}: mount matrix must have three rows of three numbers")
     elif keys == {"rpy_deg"}:
         angles = mount["rpy_deg"]
-        if not (isinstance(angles, list) and len(angles) == 3 and all(map(_is_number, angles))):
+        if not (isinstance(angles, list) and len(angles) == 3 and all(map(toml.is_number, angles))):
             raise ConfigError(f"{where}: mount rpy_deg must be [roll, pitch, yaw]")
         matrix = _from_rpy(*np.radians(angles))
     elif keys <= {"forward", "left", "up"} and len(keys) >= 2:
@@ -324,7 +322,7 @@ def _entry(role: str, value: Any, section: Any, where: str) -> Entry:
             f"{where}: from must be a text, or a list of which the first found counts"
         )
     for key in ("scale", "offset"):
-        if key in value and not _is_number(value[key]):
+        if key in value and not toml.is_number(value[key]):
             raise ConfigError(f"{where}: {key} must be a number")
     if not sources or not all(sources):
         raise ConfigError(f"{where}: from is missing")
@@ -350,7 +348,10 @@ def _delay(value: Any, where: str) -> float:
     match = _DURATION.match(value) if isinstance(value, str) else None
     if not match or not _parses(match[1]):
         raise ConfigError(f'{where}: delay must be a number with a unit, like "0.12 s"')
-    return float(match[1]) * _factor(match[2], "s", where)
+    seconds = float(match[1]) * _factor(match[2], "s", where)
+    if abs(seconds) > LONGEST_DELAY:
+        raise ConfigError(f"{where}: delay must be less than {LONGEST_DELAY:.0f} s")
+    return seconds
 
 
 def _condition(text: str, where: str) -> Condition:
@@ -370,10 +371,6 @@ def _factor(unit: str, expected: str, where: str) -> float:
 def _known(name: str, choices: Any, problem: str) -> None:
     if name not in choices:
         raise ConfigError(f"{problem}. {near(name, choices)}")
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _parses(text: str) -> bool:

@@ -32,7 +32,7 @@ FORMATS = (
 _CLOCK = re.compile(
     r"^\s*(.*?\d{1,2}:\d{2}):(\d{2})(?:[.,:](\d+))?\s*([A-Za-z]{0,3}|[+-]\d{2}:?\d{2})\s*$"
 )
-LAST_STAMP = 2**63 - 1  # ns, year 2262
+LAST_STAMP = 2**62  # ns, year 2116: int64 holds the difference of two stamps too
 MINUTE = 60 * 10**9 + 10**9  # ns, one with a leap second
 TIME_NAMES = ("time_ns", "time", "t", "timestamp", "timestamps", "time_s", "seconds", "datetime")
 

@@ -18,12 +18,12 @@ Keys are the fields of `Scenario` and of what it holds. A profile is a number or
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+from roadlog import toml
 from roadlog.errors import ConfigError, near
 from roadlog.simulate.fuel import FuelSender
 from roadlog.simulate.gnss import Barometer, GnssReceiver
@@ -61,11 +61,10 @@ PROFILES = ("speed", "grade", "bank", "curvature", "friction", "cruise")
 def load(path: Path, shipped: Mapping[str, Scenario]) -> Scenario:
     """Read a scenario file. Raises ConfigError naming file and key."""
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: scenario file cannot be read: {error}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path}: not a TOML file: {error}") from error
+    document = toml.loads(text, str(path))
     base = None
     if "base" in document:
         name = document.pop("base")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drive_formats import DBC, payloads, profile_of, write_ros1, write_ros2
+from drive_formats import DBC, payloads, profile_of, write_kitti, write_ros1, write_ros2
 
 from roadlog import cli
 from roadlog.ingest import ingest
@@ -242,23 +242,8 @@ def test_a_cut_parquet_file_is_one_line(tmp_path, command):
     assert "cannot be read as Parquet" in said
 
 
-def oxts(folder: Path, count: int = 50) -> Path:
-    """A KITTI drive uphill at 10 m/s to the north, climbing 1 m/s."""
-    data = folder / "2011_09_26_drive_0001_sync" / "oxts" / "data"
-    data.mkdir(parents=True)
-    stamps = []
-    for k in range(count):
-        position, angles = [49 + 1e-6 * k, 8.4, 112 + 0.1 * k], [0.01, -0.02, np.pi / 2]
-        motion = [10.0, 0.0, 10.05, 0.0, 1.0, *[0.1, 0.2, 9.8] * 2, *[0.01, 0.02, 0.03] * 2]
-        row = [*position, *angles, *motion, 0.05, 0.03, 4, 9, 5, 5, 5]
-        (data / f"{k:010d}.txt").write_text(" ".join(map(str, row)))
-        stamps.append(f"2011-09-26 13:02:{25 + k // 10:02d}.{k % 10}00000009")
-    (data.parent / "timestamps.txt").write_text("\n".join(stamps) + "\n")
-    return data.parent.parent
-
-
 def test_a_kitti_folder_finds_its_own_profile(tmp_path):
-    drive = oxts(tmp_path)
+    drive = write_kitti(tmp_path)
     result = ingest([drive])
     tables = {table.topic: table for table in result.tables}
     assert not result.losses
@@ -276,7 +261,7 @@ def test_a_kitti_folder_finds_its_own_profile(tmp_path):
 
 
 def test_a_kitti_folder_with_damage_says_what_was_left_out(tmp_path, command):
-    drive = oxts(tmp_path)
+    drive = write_kitti(tmp_path)
     data = drive / "oxts" / "data"
     (data / f"{7:010d}.txt").write_text("1.0")
     (data / f"{49:010d}.txt").unlink()

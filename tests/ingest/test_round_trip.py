@@ -13,15 +13,15 @@ from drive_formats import (
     NAMES,
     ROS_NAMES,
     SPEED,
-    START,
     TIME,
-    UNITS,
-    N,
-    T,
-    payloads,
     profile_of,
+    write_mdf,
+    write_mdf_bus,
+    write_parquet,
     write_ros1,
     write_ros2,
+    write_text,
+    write_trace,
 )
 
 from roadlog.ingest import ingest
@@ -47,81 +47,28 @@ def dbc(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("suffix", [".asc", ".blf", ".trc", ".log"])
 def test_can_traces(tmp_path, dbc, suffix):
-    can = pytest.importorskip("can")
-    path = tmp_path / f"drive{suffix}"
-    with can.Logger(path) as writer:
-        for stamp, identifier, data in payloads():
-            writer.on_message_received(
-                can.Message(
-                    timestamp=stamp * 1e-9,
-                    arbitration_id=identifier,
-                    is_extended_id=False,
-                    data=data,
-                    channel=0,
-                )
-            )
+    path = write_trace(tmp_path / f"drive{suffix}")
     renamed = path.rename(tmp_path / "drive.bin")  # told by what is in it
     # TRC keeps 0.1 ms of offsets and rounds the start to its date's resolution
     check(ingest([renamed], profile_of(tmp_path), [dbc]), 2_000_000 if suffix == ".trc" else 2_000)
 
 
-def test_mdf_channel_groups(tmp_path):
-    asammdf = pytest.importorskip("asammdf")
-    from datetime import UTC, datetime
-
-    path = tmp_path / "drive.mf4"
-    with asammdf.MDF() as file:
-        file.start_time = datetime.fromtimestamp(START * 1e-9, UTC)
-        signal = asammdf.Signal
-        file.append([signal(v, T, name=NAMES[k], unit=UNITS[k[0]]) for k, v in IMU.items()])
-        file.append([signal(SPEED, T[::5], name="v", unit="m/s")])
-        file.save(path)
+@pytest.mark.parametrize("version", ["2.14", "3.30", "4.10", "4.20"])
+def test_mdf_channel_groups(tmp_path, version):
+    suffix = "mf4" if version >= "4" else "mdf"
+    path = write_mdf(tmp_path / f"drive.{suffix}", version)
     check(ingest([path], profile_of(tmp_path)), 1_000)
 
 
 def test_mdf_bus_logging(tmp_path, dbc):
-    asammdf = pytest.importorskip("asammdf")
-    from datetime import UTC, datetime
-
-    frames = payloads()
-    dtype = np.dtype(
-        [
-            ("CAN_DataFrame.BusChannel", "u1"),
-            ("CAN_DataFrame.ID", "<u4"),
-            ("CAN_DataFrame.IDE", "u1"),
-            ("CAN_DataFrame.DLC", "u1"),
-            ("CAN_DataFrame.DataLength", "u1"),
-            ("CAN_DataFrame.DataBytes", "(8,)u1"),
-        ]
-    )
-    rows = np.zeros(len(frames), dtype)
-    rows["CAN_DataFrame.ID"] = [identifier for _, identifier, _ in frames]
-    rows["CAN_DataFrame.DLC"] = rows["CAN_DataFrame.DataLength"] = 8
-    rows["CAN_DataFrame.DataBytes"] = [list(data) for _, _, data in frames]
-    times = np.array([(stamp - START) * 1e-9 for stamp, _, _ in frames])
-    path = tmp_path / "drive.mf4"
-    with asammdf.MDF() as file:
-        file.start_time = datetime.fromtimestamp(START * 1e-9, UTC)
-        file.append(asammdf.Signal(rows, times, name="CAN_DataFrame"))
-        file.save(path)
-    check(ingest([path], profile_of(tmp_path), [dbc]), 1_000)
+    check(ingest([write_mdf_bus(tmp_path / "drive.mf4")], profile_of(tmp_path), [dbc]), 1_000)
 
 
 def test_text_and_parquet(tmp_path):
-    v = np.full(N, np.nan)
-    v[::5] = SPEED
-    columns = {NAMES[k]: values for k, values in IMU.items()} | {"v": v}
-    text = tmp_path / "drive.csv"
-    rows = zip(TIME.tolist(), *(c.tolist() for c in columns.values()), strict=True)
-    lines = [",".join("" if x != x else repr(x) for x in row) for row in rows]
-    text.write_text(",".join(["time_ns", *columns]) + "\n" + "\n".join(lines) + "\n")
-    check(ingest([text], profile_of(tmp_path)))
-    pyarrow = pytest.importorskip("pyarrow")
-    from pyarrow import parquet
-
-    for time in (TIME, TIME.astype("datetime64[ns]")):
-        parquet.write_table(pyarrow.table({"time": time, **columns}), tmp_path / "drive.parquet")
-        check(ingest([tmp_path / "drive.parquet"], profile_of(tmp_path)))
+    check(ingest([write_text(tmp_path / "drive.csv")], profile_of(tmp_path)))
+    for dates in (False, True):
+        path = write_parquet(tmp_path / "drive.parquet", dates)
+        check(ingest([path], profile_of(tmp_path)))
 
 
 def test_ros1_bag(tmp_path):
