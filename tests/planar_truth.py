@@ -1,7 +1,7 @@
 """A small rolling car with linear tires: truth for tests that need no full simulator.
 
 Independent of the estimators' force layers: its tires make their forces from slip. Not in it:
-relaxation, load sensitivity, combined slip, pitch dynamics, roughness, sensor biases.
+relaxation, load sensitivity and transfer, combined slip, roughness, sensor biases.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from roadlog.vehicle import Vehicle
 RATE, STEPS = 100, 5  # Hz of the grid, integration steps in each
 GNSS_EVERY = 10
 DEG = np.pi / 180
+TIRE_SLIP_STIFFNESS = 22.0  # force per load and slip
 
 
 @dataclass(frozen=True)
@@ -102,9 +103,17 @@ def planar_truth(
         "steering.road_wheel_angle": delta,
         "speed.v": noisy(v, 0.01),
     }
+    # wheels touch the road below a CG that swings over them, slip by their force, and steer
+    contact = v + vehicle.cg_height * np.gradient(pitch_total, time)
+    per_load = torque / (radius * m * G)
     for wheel in ("fl", "fr", "rl", "rr"):
-        signals[f"wheel_speeds.{wheel}"] = noisy(v, 0.01)
         driven = wheel[0] == "r"
+        slip = np.where(per_load > 0, 2 * per_load * driven, per_load) / TIRE_SLIP_STIFFNESS
+        slip -= vehicle.rolling_resistance / TIRE_SLIP_STIFFNESS
+        rolling = contact * (1 + slip)
+        if not driven:
+            rolling = rolling * np.cos(delta) + (v_y + a * r) * np.sin(delta)
+        signals[f"wheel_speeds.{wheel}"] = noisy(rolling, 0.01)
         signals[f"wheel_torques.drive_{wheel}"] = np.maximum(torque, 0.0) / 2 * driven
         signals[f"wheel_torques.brake_{wheel}"] = np.maximum(-torque, 0.0) / 4
     native = {}

@@ -15,6 +15,7 @@ from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
 from roadlog.estimators.driveline import NEEDS_TORQUE, Driveline, driveline, free_wheel_speed
+from roadlog.estimators.road_speed import road_speed
 from roadlog.estimators.schedule import ScheduleParameters, schedule
 from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
@@ -73,7 +74,8 @@ def debe(drive: Drive, vehicle: Vehicle, params: DebeParameters, engine: Engine)
         _wheel_force(line, vehicle, params), round(params.hold_time * drive.rate)
     )
     mass = _effective_mass(line, vehicle, params)
-    speed = free_wheel_speed(drive, vehicle)
+    corrected = params.variant == "corrected"
+    speed = (road_speed if corrected else free_wheel_speed)(drive, vehicle)
     plan = schedule(drive, speed, np.isfinite(force) & ~line.unknown, params)
     car = Resistance(
         0.5 * vehicle.air_density * vehicle.drag_area,
@@ -192,5 +194,5 @@ DEBE = Estimator(
     reference="Luo 2024, eq. (37)",
     summary="driving equation: grade from wheel torque, brake torque and speed",
     causal=True,
-    vehicle=("mass", "wheel_radius", "drag_area", "rolling_resistance", "driven"),
+    vehicle=("mass", "wheel_radius", "drag_area", "rolling_resistance", "driven", "cg_height"),
 )

@@ -70,14 +70,20 @@ def driveline(drive: Drive, vehicle: Vehicle) -> Driveline:
     )
 
 
+def undriven_axle(drive: Drive, vehicle: Vehicle) -> str | None:
+    """`front` or `rear`, where the car has undriven wheels and the drive their speeds."""
+    axle = {"front": "rear", "rear": "front"}.get(vehicle.driven)
+    return axle if axle and f"wheel_speeds.{axle[0]}l" in drive else None
+
+
 def free_wheel_speed(drive: Drive, vehicle: Vehicle) -> Floats:
     """m/s along the road: the undriven wheels where there are any, else the drive's speed.
 
     A driven wheel slips by its torque, which reads as a speed error of the sign of the grade.
     """
-    undriven = {"front": "rear", "rear": "front"}.get(vehicle.driven)
-    if undriven and f"wheel_speeds.{undriven[0]}l" in drive:
-        return drive.wheel_speed(undriven)
+    axle = undriven_axle(drive, vehicle)
+    if axle is not None:
+        return drive.wheel_speed(axle)
     for role in ("speed.v", "gnss.speed"):
         if role in drive:
             return drive[role]

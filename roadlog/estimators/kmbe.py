@@ -13,6 +13,7 @@ import numpy as np
 from roadlog.drive import Drive, runs
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
+from roadlog.estimators.road_speed import lateral_velocity, road_speed
 from roadlog.filters import Engine
 from roadlog.filters.gaps import age, hold
 from roadlog.filters.kalman import LinearModel, kalman_filter, rts_smoother
@@ -29,7 +30,9 @@ class KmbeParameters:
     """Section 4.2 of the Ryu/Luo chapter unless said."""
 
     variant: Literal["corrected", "paper"] = parameter(
-        "corrected", "", "corrected: v_y r, lever arm and body pitch; paper: eq. (38) as printed"
+        "corrected",
+        "",
+        "corrected: v_y r, lever arm, body pitch, speed of the CG; paper: eq. (38) as printed",
     )
     smooth: bool = parameter(True, "", "Rauch-Tung-Striebel smoothing over the whole drive")
     grade_noise: float = parameter(0.010, "rad/sqrt(s)", "random walk of the grade")
@@ -48,7 +51,7 @@ def kmbe(drive: Drive, vehicle: Vehicle, params: KmbeParameters, engine: Engine)
     """
     held = round(params.hold_time * drive.rate)
     force, was_held = hold(_kinematic_acceleration(drive, vehicle, params), held)
-    speed = drive.speed
+    speed = drive.speed if params.variant == "paper" else road_speed(drive, vehicle)
     since_speed = age(np.isfinite(speed)) * drive.dt
     runnable = np.isfinite(force) & (since_speed <= params.gap_time)
     n = len(drive)
@@ -84,26 +87,6 @@ def _kinematic_acceleration(drive: Drive, vehicle: Vehicle, params: KmbeParamete
     return force.x * (1 - G * vehicle.pitch_gain) + turning
 
 
-def lateral_velocity(drive: Drive, vehicle: Vehicle, f_y: Floats) -> Floats:
-    """m/s at the CG, left +: v_y = b r - v a m f_y' / (L C_r), from the rear slip angle.
-
-    f_y' = f_y (1 - g K_phi) is the lateral specific force in the road plane. Right on a banked
-    road, because f_y' m is the tire force. Source: Ryu/Luo chapter, section 4 (v_y,ps).
-    """
-    in_plane = f_y * (1 - G * vehicle.roll_gain)
-    v_y = vehicle.cg_to_rear_axle * drive.get("imu.gyro_z")
-    return v_y - drive.speed * tire_slip_compliance(vehicle) * in_plane
-
-
-def tire_slip_compliance(vehicle: Vehicle) -> float:
-    """rad/(m/s2), slip angle of the rear axle per lateral specific force: a m / (L C_r)."""
-    return (
-        vehicle.cg_to_front_axle
-        * vehicle.mass
-        / (vehicle.wheelbase * vehicle.rear_cornering_stiffness)
-    )
-
-
 def _model(force: Floats, speed: Floats, dt: float, params: KmbeParameters) -> LinearModel:
     known = np.flatnonzero(np.isfinite(speed))
     first = speed[known[0]] if len(known) else 0.0
@@ -127,6 +110,13 @@ KMBE = Estimator(
     gives=("grade",),
     reference="Luo 2024, eq. (38)",
     summary="kinematic Kalman filter: grade from speed and longitudinal acceleration",
-    vehicle=("pitch_gradient", "roll_gradient", "mass", "rear_cornering_stiffness"),
+    vehicle=(
+        "pitch_gradient",
+        "roll_gradient",
+        "mass",
+        "rear_cornering_stiffness",
+        "cg_height",
+        "driven",
+    ),
     systematic_deg={"grade": 0.35},
 )

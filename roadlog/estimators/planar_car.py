@@ -15,6 +15,7 @@ from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import Vehicle
 
+MIN_LOAD = 100.0  # N; a lifted wheel must not divide by zero
 PRINTED_DRAG_DIVISOR = 21.15  # eq. (4) means km/h but is fed m/s: drag 13 times too small
 
 

@@ -22,8 +22,8 @@ from roadlog.estimators.driveline import (
     driveline,
     free_wheel_speed,
 )
-from roadlog.estimators.kmbe import lateral_velocity
-from roadlog.estimators.planar_car import planar_car, wheel_loads
+from roadlog.estimators.planar_car import MIN_LOAD, planar_car, wheel_loads
+from roadlog.estimators.road_speed import lateral_velocity, road_speed
 from roadlog.estimators.schedule import Schedule, ScheduleParameters, schedule
 from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
@@ -47,7 +47,6 @@ GRADE_ROWS: dict[str, tuple[int, ...]] = {
 }
 MAX_GRADE = 0.35  # rad; beyond this it is no road; section 4.5
 LINEAR_FORCE = 5.0  # m/s2, lateral, up to which tires are linear; section 4.6
-MIN_LOAD = 100.0  # N; a lifted wheel must not divide by zero
 
 
 @dataclass(frozen=True)
@@ -173,7 +172,7 @@ def _signals(drive: Drive, vehicle: Vehicle, line: Driveline, printed: bool) -> 
     in_plane_x = force.x * (1 - G * vehicle.pitch_gain)
     in_plane_y = force.y * (1 - G * vehicle.roll_gain)
     load = np.maximum(wheel_loads(in_plane_x, in_plane_y, vehicle), MIN_LOAD)
-    speed = free_wheel_speed(drive, vehicle)
+    speed = (free_wheel_speed if printed else road_speed)(drive, vehicle)
     wheels = np.stack([drive.get(f"wheel_speeds.{w}") for w in WHEELS], axis=1)
     return _Signals(
         speed=speed,

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadlog.drive import Drive, runs
-from roadlog.estimators.kmbe import KmbeParameters, kmbe, tire_slip_compliance
+from roadlog.estimators.kmbe import KmbeParameters, kmbe
+from roadlog.estimators.road_speed import tire_slip_compliance
 from roadlog.filters import Engine
 from roadlog.filters.gaps import age, hold
 from roadlog.filters.kalman import LinearModel, Track, kalman_filter, rts_smoother

@@ -8,11 +8,18 @@ from roadlog import estimators
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.reproduce import Claim, Reproduction, ResultTable, Row
+from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import simulate
 from roadlog.types import Bools, Floats
 
 SKIP = 5.0  # s, before which filters converge
-SEED = 1
+SEEDS = (1, 2, 3, 4, 5)
+CAUSAL = "roll_bank_obs"
+RUNS = {  # what is run: estimator, whether it smooths its inputs
+    CAUSAL: ("roll_bank_obs", False),
+    "roll_bank_obs, smoothed": ("roll_bank_obs", True),
+    "split_qs": ("split_qs", False),
+}
 # RMSE in degrees of the chapter's prototype, the worse end of 5 seeds; the paper gives figures only
 DOCUMENTED: dict[str, dict[str, float | None]] = {
     "slalom": {"bank": 0.134, "roll": 0.109},
@@ -22,26 +29,32 @@ DOCUMENTED: dict[str, dict[str, float | None]] = {
 
 
 def ryu2004() -> Reproduction:
-    """The table and the paper's claims, by the causal observer as the paper's; some seconds."""
+    """The table and the paper's claims, by the causal observer as the paper's; about a minute."""
     rows, claims = [], []
     for case, documented in DOCUMENTED.items():
-        simulation = simulate(f"ryu2004-{case}", seed=SEED)
-        drive = Drive.from_tables(simulation.tables)
-        table = next(t for t in simulation.tables if t.topic == "/truth/angles")
-        late = drive.time > SKIP
-        truth = {
-            angle: np.interp(drive.time_ns, table.time, table.columns[angle])[late]
-            for angle in ("bank", "roll")
-        }
-        for name in ("roll_bank_obs", "split_qs"):
-            estimate = estimators.run(name, drive, simulation.vehicle, {"smooth": False})
-            for angle, expected in documented.items():
-                now = _rmse_deg(estimate.angles[angle][late] - truth[angle])
-                known = expected if name == "roll_bank_obs" else None
-                rows.append(Row(f"{case}, {name}", f"{angle} RMSE", "deg", None, known, now))
-            if name == "roll_bank_obs":
-                claims += _claims(case, estimate, truth, late, drive["imu.accel_y"][late])
-    return Reproduction("ryu2004", [ResultTable("bank and roll, with sensors", rows)], claims)
+        worst: dict[tuple[str, str], float] = {}
+        for seed in SEEDS:
+            simulation = simulate(f"ryu2004-{case}", seed=seed)
+            drive = Drive.from_tables(simulation.tables)
+            table = simulation.table(TRUTH_TOPIC)
+            late = drive.time > SKIP
+            truth = {
+                angle: np.interp(drive.time_ns, table.time, table.columns[angle])[late]
+                for angle in ("bank", "roll")
+            }
+            for name, (estimator, smooth) in RUNS.items():
+                settings = {"smooth": smooth}
+                estimate = estimators.run(estimator, drive, simulation.vehicle, settings)
+                for angle in documented:
+                    error = _rmse_deg(estimate.angles[angle][late] - truth[angle])
+                    worst[name, angle] = max(error, worst.get((name, angle), 0.0))
+                if name == CAUSAL and seed == SEEDS[0]:
+                    claims += _claims(case, estimate, truth, late, drive["imu.accel_y"][late])
+        for (name, angle), now in worst.items():
+            known = documented[angle] if name == CAUSAL else None
+            rows.append(Row(f"{case}, {name}", f"{angle} RMSE", "deg", None, known, now))
+    title = f"bank and roll, with sensors, the worst of {len(SEEDS)} seeds"
+    return Reproduction("ryu2004", [ResultTable(title, rows)], claims)
 
 
 def _rmse_deg(error: Floats) -> float:

@@ -15,6 +15,7 @@ from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators import roll_bank_obs as observer
 from roadlog.estimators.driveline import free_wheel_speed
+from roadlog.estimators.road_speed import road_speed
 from roadlog.estimators.total_roll import total_roll
 from roadlog.filters.discretize import zero_order_hold
 from roadlog.signals import FLAGS
@@ -55,30 +56,26 @@ def rmse_deg(values: np.ndarray, truth: np.ndarray) -> float:
     return float(np.degrees(np.sqrt(np.mean((values - truth)[SKIP:] ** 2))))
 
 
-def with_speed(drive: Drive, speed: np.ndarray) -> Drive:
-    wheels = {f"wheel_speeds.{w}": speed for w in WHEELS}
-    return dataclasses.replace(drive, signals={**drive.signals, **wheels})
-
-
 @RAMPS
 def test_t9_ideal_signals(name: str) -> None:
     tfobe = grade_error(name, True)
-    assert np.abs(tfobe).mean() < 0.17
+    assert np.abs(tfobe).mean() < 0.15
     assert np.sqrt((tfobe**2).mean()) < 0.23
-    # exact wheel speeds still contain slip and the road's roughness: 0.188 to 0.207 % here
-    assert np.abs(grade_error(name, True, "kmbe", smooth=False)).mean() < 0.21
+    assert np.abs(grade_error(name, True, "kmbe", smooth=False)).mean() < 0.20
 
 
 @RAMPS
-def test_t9_with_the_true_speed(name: str) -> None:
-    """Section 5.7: the chapter's ideal signals have v = truth."""
-    drive, vehicle, truth = scenario(name, True)
-    exact = with_speed(drive, truth["v_x"])
-    for estimator, limit in (("tfobe", 0.15), ("kmbe", 0.20)):
-        settings = {"smooth": False} if estimator == "kmbe" else {}
-        grade = estimators.run(estimator, exact, vehicle, settings).grade
-        error = 100 * (np.tan(grade) - np.tan(truth["grade"]))[SKIP:]
-        assert np.abs(error).mean() < limit
+@pytest.mark.parametrize("ideal", [True, False])
+def test_wheels_give_the_speed_of_the_cg(name: str, ideal: bool) -> None:
+    """Slip, steering and pitching taken off, a wheel's radius aside: from up to 13 to 1 mm/s."""
+    drive, vehicle, truth = scenario(name, ideal)
+
+    def spread(speed: np.ndarray) -> float:
+        ratio = speed[SKIP:] / truth["v_x"][SKIP:]
+        return float(np.std(ratio / ratio.mean()) * truth["v_x"][SKIP:].mean())
+
+    assert spread(road_speed(drive, vehicle)) < (0.0015 if ideal else 0.011)
+    assert spread(road_speed(drive, vehicle)) < spread(free_wheel_speed(drive, vehicle))
 
 
 def test_driven_wheels_inertia_counts() -> None:
@@ -97,16 +94,17 @@ def test_driven_wheels_inertia_counts() -> None:
 @pytest.mark.parametrize(
     ("name", "limit"),
     [
-        ("luo2024-s1", 0.28),
-        ("luo2024-s2", 0.28),
-        ("luo2024-s3", 0.28),
-        ("luo2024-s3b", 0.28),
-        ("luo2024-road1", 0.28),
+        ("luo2024-s1", 0.22),
+        ("luo2024-s2", 0.22),
+        ("luo2024-s3", 0.22),
+        ("luo2024-s3b", 0.22),
+        ("luo2024-road1", 0.22),
         ("luo2024-road2", 0.22),
-        ("luo2024-helix", 0.22),
+        ("luo2024-helix", 0.15),
     ],
 )
 def test_t10_with_sensors(name: str, limit: float) -> None:
+    """The chapter's own limits are 0.28 and 0.22."""
     assert np.abs(grade_error(name, False)).mean() < limit
 
 
