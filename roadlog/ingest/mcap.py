@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from roadlog.errors import LogReadError
 from roadlog.ingest import ros, times
 from roadlog.ingest.frame import Frame, Recording, absent, unread
+from roadlog.ingest.magic import begins
 from roadlog.ingest.profile import Clock, Profile
 from roadlog.storage import Channel, LogReader, Table
 from roadlog.types import Bools, Stamps
@@ -27,10 +28,7 @@ STAMPS = [
 
 def recognizes(path: Path) -> bool:
     """Whether the file begins as an MCAP does."""
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
-        return file.read(len(MAGIC)) == MAGIC
+    return begins(path, MAGIC)
 
 
 def names(path: Path, dbc: object = ()) -> set[str]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.ingest import can, times
 from roadlog.ingest.frame import Frame, Recording, absent, unread
+from roadlog.ingest.magic import begins
 from roadlog.ingest.parsers import guarded
 from roadlog.ingest.profile import Profile
 from roadlog.storage.spool import Spool
@@ -32,10 +33,7 @@ PARENTS = (b"DG", b"CG", b"CN")
 
 def recognizes(path: Path) -> bool:
     """Whether the file begins as an MDF file does."""
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
-        return file.read(8) in (MAGIC, UNFINISHED)
+    return begins(path, MAGIC, UNFINISHED)
 
 
 def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:

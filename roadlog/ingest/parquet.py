@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.ingest import times
 from roadlog.ingest.frame import Frame, Recording, absent
+from roadlog.ingest.magic import begins
 from roadlog.ingest.parsers import guarded
 from roadlog.ingest.profile import Profile
 from roadlog.storage.spool import ROWS, Spool
@@ -21,10 +22,7 @@ MAGIC = b"PAR1"
 
 def recognizes(path: Path) -> bool:
     """Whether the file begins as a Parquet file does."""
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
-        return file.read(len(MAGIC)) == MAGIC
+    return begins(path, MAGIC)
 
 
 def names(path: Path, dbc: object = ()) -> set[str]:

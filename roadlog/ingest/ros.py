@@ -12,6 +12,7 @@ import numpy as np
 
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.ingest.frame import Frame, Recording, absent
+from roadlog.ingest.magic import begins
 from roadlog.ingest.parsers import guarded
 from roadlog.ingest.profile import Profile
 from roadlog.types import Stamps
@@ -26,9 +27,7 @@ def recognizes(path: Path) -> bool:
     """Whether it is a ROS 1 bag, a folder with ROS 2 metadata, or a file out of one."""
     if path.is_dir():
         return (path / METADATA).is_file()
-    with path.open("rb") as file:
-        head = file.read(16)
-    return head.startswith((ROS1, SQLITE))
+    return begins(path, ROS1, SQLITE)
 
 
 def names(path: Path, dbc: object = ()) -> set[str]:

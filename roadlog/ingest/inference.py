@@ -1,0 +1,157 @@
+"""Units, mounting, signs and delays of a drafted profile, by what the drive itself shows."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from roadlog import checks
+from roadlog.checks import axes, motion
+from roadlog.checks.evidence import Evidence, correlation
+from roadlog.drive import Drive
+from roadlog.errors import RoadlogError
+from roadlog.ingest import mapping
+from roadlog.ingest.draft import Draft, Guess
+from roadlog.ingest.profile import AXES, Profile
+from roadlog.types import Floats
+from roadlog.units import STANDARD_GRAVITY, UNITS
+
+STEERING_RATIO = 15.0  # steering wheel / road wheel, of a usual car
+FOLLOWS = 0.5  # correlation from which an acceleration tells the unit of a speed
+NEAR_GRAVITY = 0.15  # share by which the mean specific force may miss 1 g (bias, grade)
+
+
+def by_data(draft: Draft) -> None:
+    """Units, mounting, signs and delays by what the drive shows."""
+    accel = [g for g in draft.guesses if g.role.startswith("imu.accel")]
+    if len({g.role for g in accel}) == len(AXES):
+        unit = gravity_unit([replace(g, valid="") for g in accel])
+        if unit and not accel[0].stated:
+            draft.put([g.role for g in accel], unit=unit, doubt=f"gravity says that it is {unit}")
+        elif not unit and not accel[0].stated:
+            draft.notes.append("The accelerations hold no gravity that tells their unit.")
+    _course(draft)
+    _steering(draft)
+    state = _state(draft)
+    if state is None:
+        draft.notes.append("Nothing in the drive tells the mounting: check it.")
+        return
+    motion.gravity(state)
+    motion.speeds(state)
+    _speeds(draft, state)
+    motion.latency(state)
+    motion.gyro_unit(state)
+    _findings(draft, state)
+    _mount(draft, state)
+    for guess in [g for g in draft.guesses if not g.stated and not g.doubts]:
+        draft.put([guess.role], doubt=f"nothing states the unit: {guess.unit} is assumed")
+
+
+def _state(draft: Draft) -> motion.Motion | None:
+    """The drive through the draft as it is, without validity of what is not in it."""
+    try:
+        profile = Profile.from_toml(draft.toml(), "draft")
+        located, _ = mapping.locate(profile, draft.frames)
+        tables = mapping.tables(mapping.signals(profile, located)[0])
+        inputs = [t for t in tables if not t.topic.startswith("/truth")]
+        return motion.Motion(Evidence.of(Drive.from_tables(inputs)))
+    except RoadlogError as error:
+        draft.head.append(f"The data could not be looked at: {error}")
+        return None
+
+
+def _speeds(draft: Draft, state: motion.Motion) -> None:
+    """Units of speeds that nothing states: the acceleration on the axis that follows their slope.
+
+    Weaker evidence than a check needs: here one of a few units must be chosen.
+    """
+    evidence = state.evidence
+    for role in ("speed.v", "gnss.speed"):
+        stated = any(g.stated for g in draft.guesses if g.role == role)
+        if role not in evidence or stated or any(role in f.signals for f in state.found):
+            continue
+        slope = evidence.band(evidence.slope(evidence[role]))
+        accel = [f"imu.accel_{axis}" for axis in AXES]
+        bands = [evidence.band(evidence[name]) for name in accel if name in evidence]
+        found = [correlation(slope, band, evidence.rate) for band in bands]
+        r, ratio = max(found, key=lambda pair: abs(pair[0]), default=(0.0, 1.0))
+        if abs(r) < FOLLOWS:
+            continue
+        size = abs(r) * ratio  # m/s2 for each unit of speed a second, by regression
+        unit = min(("m/s", *motion.SPEED_UNITS), key=lambda u: abs(np.log(size / UNITS[u][1])))
+        draft.put([role], unit=unit, doubt=f"the accelerations say that it is {unit}")
+        state.scale((role,), UNITS[unit][1])
+
+
+def _findings(draft: Draft, state: motion.Motion) -> None:
+    for finding in state.found:
+        unit = re.search(r'unit = "([^"]+)"', finding.advice)
+        stated = [g for g in draft.guesses if g.role in finding.signals and g.stated]
+        if finding.check == "unit" and unit and not stated:
+            why = f"{finding.found}: {unit[1]} by the data"
+            draft.put(finding.signals, unit=unit[1], doubt=why)
+        elif finding.check == "latency" and finding.value is not None:
+            roles = [r for r in finding.signals if not r.startswith("imu.")]
+            delay = max(0.0, finding.value)
+            draft.put(roles, delay=delay, doubt=f"{finding.found}")
+        else:
+            draft.put(finding.signals, doubt=f"check: {finding.found} ({finding.advice})")
+
+
+def _mount(draft: Draft, state: motion.Motion) -> None:
+    """The mounting and the signs that explain the drive best."""
+    accel = state.triad("accel")
+    mean: Floats | None = None
+    if accel is not None and np.isfinite(accel).any(axis=1).all():
+        mean = np.nanmedian(accel, axis=1)
+    if not any(role.startswith("imu.") for role in state.evidence.signals):
+        return
+    ranked = axes.explain(state.evidence, mean)
+    best = ranked[0]
+    plain = next(e for e in ranked if not e.turned and not e.reversed)
+    if best is plain or best.score - plain.score < checks.MIN_GAIN:
+        draft.notes.append("The sensor's axes are taken as x forward, y left, z up:")
+        if mean is not None and abs(mean[2]) < axes.UPRIGHT * np.linalg.norm(mean):
+            draft.notes.append("but gravity is not on z, and the drive does not show the mounting;")
+        draft.notes.append("nothing in the drive says otherwise.")
+        return
+    rivals = [e for e in ranked[1:] if best.score - e.score < axes.TIE and e.turned]
+    if best.turned:
+        draft.mount = best.toml()
+        draft.notes.append("by gravity, speed and turns of this drive; angles beyond right ones")
+        draft.notes.append("are what `roadlog calibrate` finds")
+        draft.notes += [f"as good: mount = {rival.toml()}" for rival in rivals]
+    if best.reversed == ("imu.accel",):
+        roles = [f"imu.accel_{axis}" for axis in AXES]
+        draft.put(roles, scale=-1.0, doubt="gravity reads down, as on iOS: all signs turned")
+    elif best.reversed:
+        draft.put(best.reversed, scale=-1.0, doubt="reversed against the rest of the drive")
+
+
+def _course(draft: Draft) -> None:
+    for guess in [g for g in draft.guesses if g.role == "gnss.course"]:
+        largest = float(np.nanmax(np.abs(guess.frame.columns[guess.column])))
+        unit = "deg" if largest > 2 * np.pi else guess.unit
+        offset = 90.0 if unit == "deg" else np.pi / 2
+        doubt = "taken as clockwise from north; roadlog's is counterclockwise from east"
+        draft.put([guess.role], unit=unit, scale=-1.0, offset=offset, doubt=doubt)
+
+
+def _steering(draft: Draft) -> None:
+    for guess in [g for g in draft.guesses if g.role == "steering.road_wheel_angle"]:
+        largest = float(np.nanmax(np.abs(guess.frame.columns[guess.column])))
+        unit = guess.unit if guess.stated or largest < 4 * np.pi else "deg"
+        doubt = "of the steering wheel? then scale = 1 / steering ratio of the car; + is left"
+        draft.put([guess.role], unit=unit, scale=1 / STEERING_RATIO, doubt=doubt, off=True)
+
+
+def gravity_unit(group: Sequence[Guess]) -> str:
+    """The unit in which the mean of three accelerations is gravity; empty for none."""
+    size = float(np.linalg.norm([np.nanmedian(g.frame.columns[g.column]) for g in group]))
+    for unit, gravity in (("m/s^2", STANDARD_GRAVITY), ("g", 1.0), ("mg", 1000.0)):
+        if abs(size / gravity - 1) < NEAR_GRAVITY:
+            return unit
+    return ""
