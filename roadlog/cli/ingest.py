@@ -46,7 +46,7 @@ def ingest(
     In SI units and vehicle axes, by a profile that says which name is what. Prints what was mapped,
     what was left over, and the gaps.
 
-    Example: roadlog ingest drive.csv -o drive.mcap --profile my_car.toml
+    Example: roadlog ingest drive.csv -o drive.mcap --profile logger.toml
     """
     from roadlog.ingest import ingest as read
     from roadlog.log import create

@@ -35,7 +35,7 @@ def new(
 
     What is not certain stands in comments; check these, then ingest.
 
-    Example: roadlog profile new drive.csv -o my_car.toml
+    Example: roadlog profile new drive.csv -o logger.toml
     """
     from roadlog.errors import ConfigError
     from roadlog.ingest.starter import starter
@@ -60,7 +60,7 @@ def profiles(
 ) -> None:
     """List the shipped profiles, or print one to start from.
 
-    Example: roadlog profiles comma2k19 > my_car.toml
+    Example: roadlog profiles comma2k19 > logger.toml
     """
     from roadlog.ingest.profile import Profile, shipped
 

@@ -23,6 +23,7 @@ ELSEWHERE = {
     "--png": "tests/view/test_viewer.py, where there is a Vulkan driver",
     "s3://": "tests/report/test_cloud.py, against a store of its own",
     "reproduce": "tests/cli/test_reproduce.py",
+    "evaluate": "test_site.py, on the quick start's drive, which has truth",
 }
 UNITS = {"accel": "m/s^2", "gyro": "rad/s"}
 AXES = {f"{kind}_{axis}": unit for kind, unit in UNITS.items() for axis in "xyz"}
@@ -63,8 +64,11 @@ def csv(path: Path) -> None:
 
 def ingested() -> None:
     csv(Path("drive.csv"))
-    Path("car.toml").write_text(PROFILE)
-    app(["ingest", "drive.csv", "-o", "drive.mcap", "--profile", "car.toml"], standalone_mode=False)
+    Path("logger.toml").write_text(PROFILE)
+    app(
+        ["ingest", "drive.csv", "-o", "drive.mcap", "--profile", "logger.toml"],
+        standalone_mode=False,
+    )
     Path("drive.csv").unlink()
 
 
@@ -73,7 +77,7 @@ def drives() -> None:
     for name in ("drives/one.mcap", "drives/two.mcap", "2026-01/one.mcap", "more.mcap"):
         hill(Path(name))
     csv(Path("raw/one.csv"))
-    Path("car.toml").write_text(PROFILE)
+    Path("logger.toml").write_text(PROFILE)
     report = ["report", "drives/", "-o", "before", "-e", "kmbe"]
     app(report, standalone_mode=False)
 
@@ -86,8 +90,8 @@ def week() -> None:
 
 
 def recording() -> None:
+    """What README begins with: a logger's file, and no profile yet."""
     csv(Path("recording/one.csv"))
-    Path("car.toml").write_text(PROFILE)
     hill(Path("drives/one.mcap"))
 
 
