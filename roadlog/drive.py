@@ -19,6 +19,8 @@ DEFAULT_RATE = 100.0  # Hz
 MIN_STALE = 0.1  # s; a sample is stale when older than this and STALE_INTERVALS of its channel
 STALE_INTERVALS = 2.5
 MAX_DURATION = 7 * 86400.0  # s; beyond this the stamps are wrong, not the drive long
+SPARSE_DURATION = 4 * 3600.0  # s; beyond this there has to be more than
+SPARSEST = 10.0  # s for each sample of the fullest channel
 
 # Methods, Massel chapter, sections 1.4 and 3.1
 ZERO_SPEED = 0.02  # m/s
@@ -100,7 +102,8 @@ class Drive(Columnar):
         """Put the input channels among `tables` on one grid of `rate` Hz.
 
         The grid runs from the first to the last sample of any input. Raises LogReadError when
-        there is no input at all or the stamps span more than a week.
+        there is no input at all, or the stamps span more than a week, or hours with next to
+        nothing in them.
         """
         sections = {section.topic: section for section in INPUTS}
         inputs = [(sections[t.topic], t) for t in tables if t.topic in sections and len(t)]
@@ -110,9 +113,10 @@ class Drive(Columnar):
         start = min(int(table.time.min()) for _, table in inputs)
         end = max(int(table.time.max()) for _, table in inputs)
         duration = (end - start) * 1e-9
-        if duration > MAX_DURATION:
+        most = max(len(table) for _, table in inputs)
+        if duration > MAX_DURATION or duration > max(SPARSE_DURATION, SPARSEST * most):
             raise LogReadError(
-                f"stamps span {duration / 86400:.0f} days; a clock jumped or a channel has another "
+                f"stamps span {duration / 86400:.1f} days; a clock jumped or a channel has another "
                 f"epoch (see `roadlog info`)"
             )
         time = np.arange(int(np.floor(duration * rate + 1e-6)) + 1) / rate

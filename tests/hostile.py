@@ -133,10 +133,11 @@ TEXT = (cut, flip, remove, repeat, noise, number, number, number, token, lines)
 
 @dataclass(frozen=True)
 class Subject:
-    """A whole drive: the command that reads it, and the files that are damaged."""
+    """A whole drive: the command that reads it, the files that are damaged, and what it writes."""
 
     command: list[object]
     victims: list[Path]
+    out: Path
 
 
 def subjects(folder: Path) -> dict[str, Subject]:
@@ -152,11 +153,12 @@ def subjects(folder: Path) -> dict[str, Subject]:
     phone = folder / "trip.txt"
     phone.write_text("".join(f"{START // 10**6 + 250 * k};010D;{k}.0\n" for k in range(80)))
     text = write_text(folder / "drive.csv")
-    end = ["--profile", profile, "-o", folder / "out.mcap"]
+    out = folder / "out.mcap"
+    end = ["--profile", profile, "-o", out]
 
     def ingest(path: Path, *more: object, inside: str = "") -> Subject:
         victims = sorted(path.glob(inside)) if inside else [path]
-        return Subject(["ingest", path, *more, *end], victims)
+        return Subject(["ingest", path, *more, *end], victims, out)
 
     found = {
         "csv": ingest(text),
@@ -177,21 +179,27 @@ def subjects(folder: Path) -> dict[str, Subject]:
         command = found[name].command
         found[name] = replace(found[name], command=[c for c in command if c not in end[:2]])
     trace = found["log"].command
-    found["dbc"] = Subject(trace, [dbc])
-    found["profile"] = Subject(found["csv"].command, [profile])
-    found["vehicle"] = Subject([*found["csv"].command, "--vehicle", vehicle], [vehicle])
-    found["survey"] = Subject([*found["csv"].command, "--truth-from", survey], [survey])
+    found["dbc"] = Subject(trace, [dbc], out)
+    found["profile"] = Subject(found["csv"].command, [profile], out)
+    found["vehicle"] = Subject([*found["csv"].command, "--vehicle", vehicle], [vehicle], out)
+    found["survey"] = Subject([*found["csv"].command, "--truth-from", survey], [survey], out)
+    draft = folder / "out.toml"
+    for name in ("csv", "mdf", "ros2-mcap"):
+        source = found[name].command[1]
+        new = ["profile", "new", source, "-o", draft]
+        found[f"new-{name}"] = Subject(new, found[name].victims, draft)
     return found
 
 
-def complaint(command: list[object], out: Path) -> str:
+def complaint(subject: Subject) -> str:
     """What is wrong with how a command ends; empty where nothing is."""
     from roadlog.cli import main
 
+    out = subject.out
     before = out.read_bytes() if out.is_file() else None
     said = io.StringIO()
     code: object = 0
-    sys.argv = ["roadlog", *map(str, command)]
+    sys.argv = ["roadlog", *map(str, subject.command)]
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
             main()
@@ -217,13 +225,13 @@ def complaint(command: list[object], out: Path) -> str:
 def run(folder: Path, count: int, seed: int, wanted: list[str]) -> None:
     """Print what is wrong with `count` damaged copies of each format."""
     found = subjects(folder)
-    out, now = folder / "out.mcap", folder / "now"
+    now = folder / "now"
     for name, subject in found.items():  # libraries are loaded, and nothing is wrong
-        if wrong := complaint(subject.command, out):
+        if wrong := complaint(subject):
             print(f"{name}, whole: {wrong}")
-        if not out.is_file():
+        if not subject.out.is_file():
             print(f"{name}, whole: nothing written")
-        out.unlink(missing_ok=True)
+        subject.out.unlink(missing_ok=True)
     size = int(Path("/proc/self/statm").read_text("ascii").split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (size + EXTRA, size + EXTRA))
     for name in wanted or found:
@@ -233,13 +241,15 @@ def run(folder: Path, count: int, seed: int, wanted: list[str]) -> None:
             victim = chance.choice(subject.victims)
             whole = victim.read_bytes()
             victim.write_bytes(damaged(whole, chance, b"\0" not in whole))
-            out.write_bytes(b"precious")
+            if subject.out.suffix == ".mcap":  # a profile is not written twice
+                subject.out.write_bytes(b"precious")
             now.write_text(f"{name} {seed} {k}: {victim.name}")
             signal.setitimer(signal.ITIMER_PROF, LONGEST)  # its signal ends the process
-            wrong = complaint(subject.command, out)
+            wrong = complaint(subject)
             signal.setitimer(signal.ITIMER_PROF, 0)
             if wrong:
                 print(f"{now.read_text()}: {wrong}", flush=True)
+            subject.out.unlink(missing_ok=True)
             victim.write_bytes(whole)
     now.unlink()
 

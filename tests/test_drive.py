@@ -79,7 +79,7 @@ def test_truth_is_no_input() -> None:
 
 def test_clock_jump_of_years_is_an_error_not_a_huge_grid() -> None:
     t = np.array([0.0, 1.0, 3e8])
-    with pytest.raises(LogReadError, match="stamps span 3472 days"):
+    with pytest.raises(LogReadError, match="stamps span 3472.2 days"):
         Drive.from_tables([speed_table(t, t)])
 
 
@@ -102,3 +102,10 @@ def test_speed_prefers_wheels_and_averages_what_is_known() -> None:
     assert drive.speed[50] == 1.0
     assert drive.speed[150] == 2.0
     assert drive.wheel_speed("rear")[150] == 3.0
+
+
+def test_a_clock_that_jumps_by_hours_in_a_short_drive_is_refused_before_it_takes_memory() -> None:
+    t = np.arange(400) / 100
+    t[200] += 80_000
+    with pytest.raises(LogReadError, match=r"stamps span 0\.9 days; a clock jumped"):
+        Drive.from_tables([speed_table(t, np.ones(400))])
