@@ -21,6 +21,7 @@ from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
 from roadlog.filters.ukf import (
     correct,
+    keep_upright,
     mean_and_covariance,
     reference_ukf,
     restart_state,
@@ -145,6 +146,7 @@ def _compiled(
                 mean_and_covariance(Y, Q, x, P)
             repaired[k] |= sigma_points(x, P, X)
             correct(x, P, X, X[:, :1], speed[k : k + 1], R)
+            keep_upright(x, P, 1, P0[1])
         grade[k] = x[1]
         sd[k] = np.sqrt(P[1, 1])
     return grade, sd, repaired
@@ -181,6 +183,7 @@ def _reference(
                 ukf.predict(fx=fx, force=force[k], mass=mass[k])
             if np.isfinite(speed[k]):
                 ukf.update(speed[k : k + 1], R=np.diag(R), hx=lambda x: x[:1])
+            keep_upright(ukf.x, ukf.P, 1, P0[1])
         grade[k], sd[k] = ukf.x[1], np.sqrt(ukf.P[1, 1])
     return grade, sd, np.zeros(n, np.bool_)
 

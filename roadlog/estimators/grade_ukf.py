@@ -16,6 +16,7 @@ from roadlog.estimators.tire_ukf import Tuning
 from roadlog.filters import Engine
 from roadlog.filters.ukf import (
     correct,
+    keep_upright,
     mean_and_covariance,
     reference_ukf,
     restart_state,
@@ -132,6 +133,7 @@ def _compiled(
             for p in range(POINTS):
                 measure(X[p], forces[k], delta[k], car, Z[p])
             correct(x, P, X, Z, z[k], tune.R)
+            keep_upright(x, P, GRADE, tune.P0[GRADE])
         xs[k] = x
         for i in range(STATES):
             sds[k, i] = np.sqrt(P[i, i])
@@ -175,5 +177,6 @@ def _reference(
             known = np.flatnonzero(np.isfinite(z[k]))
             if len(known):
                 ukf.update(z[k][known], R=np.diag(tune.R[known]), hx=hx, k=k, known=known)
+            keep_upright(ukf.x, ukf.P, GRADE, tune.P0[GRADE])
         xs[k], sds[k] = ukf.x, np.sqrt(np.diag(ukf.P))
     return xs, sds, np.zeros(n, np.bool_)

@@ -154,6 +154,13 @@ def correct(x: Floats, P: Floats, X: Floats, Z: Floats, z: Floats, R: Floats) ->
 
 
 @njit(cache=True)
+def keep_upright(x: Floats, P: Floats, i: int, variance: float) -> None:
+    """Start an angle anew that bad input drove beyond the vertical, where its sine folds back."""
+    if abs(x[i]) > np.pi / 2:
+        restart_state(x, P, i, 0.0, variance)
+
+
+@njit(cache=True)
 def restart_state(x: Floats, P: Floats, i: int, value: float, variance: float) -> None:
     """Set one state anew: its value, its variance, and no correlation with the others."""
     for j in range(len(x)):
