@@ -8,11 +8,16 @@ Source: fusion chapter; sections are named below.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
 import numpy as np
 
+from roadlog.correction import corrected
 from roadlog.drive import Drive, runs
 from roadlog.estimate import Detail, Estimate, complete_angles
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag
+from roadlog.estimators.fusion_consistency import CHANGED, scales
 from roadlog.estimators.fusion_inputs import build, grid
 from roadlog.estimators.fusion_model import (
     ALTITUDE,
@@ -32,6 +37,7 @@ from roadlog.estimators.fusion_model import (
     KTHETA,
     LATERAL,
     LEAN,
+    MOVING,
     MPHI,
     MPSI,
     MTHETA,
@@ -39,6 +45,7 @@ from roadlog.estimators.fusion_model import (
     PHI,
     RATE,
     ROLL,
+    SPEED,
     TAU,
     THETA,
     TIRE,
@@ -46,9 +53,18 @@ from roadlog.estimators.fusion_model import (
     UP,
     XR,
     YW,
+    N,
+    Noise,
     Steps,
 )
-from roadlog.estimators.fusion_priors import FusionParameters, know_torque, noise_of, priors
+from roadlog.estimators.fusion_priors import (
+    FusionParameters,
+    Mounting,
+    know_torque,
+    mounting_prior,
+    noise_of,
+    priors,
+)
 from roadlog.estimators.fusion_smoother import (
     BANK,
     GRADE,
@@ -57,9 +73,10 @@ from roadlog.estimators.fusion_smoother import (
     ROLL_ANGLE,
     ROLL_TOTAL,
     Smoothed,
+    filtered,
     smooth,
 )
-from roadlog.estimators.fusion_speed import SpeedSource
+from roadlog.estimators.fusion_speed import SpeedSource, gnss_delay, speed_source
 from roadlog.estimators.fusion_torque import torque_bias
 from roadlog.filters import Engine
 from roadlog.types import Bools, Floats
@@ -67,8 +84,8 @@ from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import Vehicle
 
 DEG = np.pi / 180
-SMALL_MOUNTING = 1.0 * DEG  # beyond this the filter linearises once more (section 7)
-MAX_PASSES = 3
+SMALL_MOUNTING = 1.0 * DEG  # beyond this the IMU is turned and smoothed again (section 7)
+MAX_ROUNDS = 4  # of adapting
 SPEED_GAP = 3.0  # s without speed, flagged (section 7)
 SETTLE = 2.0  # s at the ends of a run of the IMU, flagged
 LINEAR_TIRES = 5.0  # m/s2 of lateral specific force, beyond which tires are not linear
@@ -107,19 +124,26 @@ CONSTANTS = {
 }
 
 
+@dataclass(frozen=True)
+class Fit:
+    """What the smoother is given. P0 (29, 29): prior of all states."""
+
+    steps: Steps
+    source: SpeedSource
+    P0: Floats
+    noise: Noise
+    torques: bool
+    mounting: Mounting
+
+
 def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Engine) -> Estimate:
     """All angles with their uncertainty, and every constant found with its standard error."""
-    steps, source = build(drive, vehicle, params.speed_sd, params.creep_speed_sd)
-    mean, P0 = priors(vehicle, params, source)
-    torque = torque_bias(drive, vehicle, steps)
-    if torque is not None:
-        know_torque(mean, P0, *torque)
-    steps.starts[:] += mean
-    noise = noise_of(steps, vehicle, params, drive)
-    result = smooth(steps, noise, P0, 1, engine, params.smooth)
-    if params.smooth and np.abs(result.x_end[[MTHETA, MPSI]]).max() > SMALL_MOUNTING:
-        result = smooth(steps, noise, P0, MAX_PASSES, engine)
-    angles, variance = _angles(result, steps, P0, params)
+    fit = _adapted(
+        _given(drive, vehicle, params, mounting_prior(vehicle, params)), drive, vehicle, params
+    )
+    steps, source, P0 = fit.steps, fit.source, fit.P0
+    result = smooth(steps, fit.noise, P0, 1, engine, params.smooth)
+    angles, variance = _angles(fit, result, params)
     time = grid(drive)
     shape = np.sqrt(result.shape_variance)
     arm = _unknown_arm(vehicle, steps)
@@ -153,53 +177,125 @@ def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Eng
             known,
             {"grade_shape_sd": shape[reported, GRADE], "bank_shape_sd": shape[reported, BANK]},
         ),
-        "constants": _constants(result, time),
+        "constants": _constants(fit, result, time),
     }
     out = complete_angles(out)
-    used = [*_used(steps, source), *(["torques"] if torque is not None else [])]
+    used = [*_used(steps, source), *(["torques"] if fit.torques else [])]
+    constants = details["constants"].columns
     notes = [
         f"used: {', '.join(used)}",
-        *_found(result, P0),
+        *_mounting_notes(fit, constants),
+        *_found(constants, np.sqrt(np.diag(P0))),
         *_offset_notes(offset[reported]),
     ]
     return Estimate(drive.time, out, sd, alive & ~missing, flags, details, notes)
 
 
+def _given(drive: Drive, vehicle: Vehicle, params: FusionParameters, mounting: Mounting) -> Fit:
+    """Inputs, priors and noise, with the IMU turned by what is known of its mounting."""
+    if not np.array_equal(mounting.rotation, np.eye(3)):
+        rows = tuple(tuple(float(v) for v in row) for row in mounting.rotation)
+        drive = corrected(drive, Vehicle().with_values(imu_mount=rows))
+    source = speed_source(drive, vehicle)
+    delay = gnss_delay(drive, source)
+    sds = params.speed_sd, params.creep_speed_sd
+    steps = build(drive, vehicle, source, delay, *sds)
+    mean, P0 = priors(vehicle, params, source, mounting)
+    torque = torque_bias(drive, vehicle, steps)
+    if torque is not None:
+        know_torque(mean, P0, *torque)
+    steps.starts[:] += mean
+    noise = noise_of(steps, vehicle, params, drive)
+    if delay:  # behind a speed that may be late itself: the IMU tells by how much
+        alone = steps._replace(fixes=np.full_like(steps.fixes, np.nan))
+        late = float(filtered(alone, noise, P0)[0][_last(steps), TAU])
+        steps = build(drive, vehicle, source, delay + late, *sds)
+        steps.starts[:] += mean
+    return Fit(steps, source, P0, noise, torque is not None, mounting)
+
+
+def _adapted(fit: Fit, drive: Drive, vehicle: Vehicle, params: FusionParameters) -> Fit:
+    """With the noise that the drive shows, and the IMU turned until it is straight."""
+    for _ in range(MAX_ROUNDS):
+        x, innovations = filtered(fit.steps, fit.noise, fit.P0)
+        if _is_wrong(scales(innovations, fit.steps.dt)):
+            known = fit.steps._replace(starts=_knowing(fit.steps, x))
+            scale = scales(filtered(known, fit.noise, fit.P0)[1], fit.steps.dt)
+            if _is_wrong(scale):
+                # a speed that the IMU predicts badly is as much the IMU's misfit
+                cross = fit.noise.gyro_cross * scale[SPEED]
+                fit = replace(fit, noise=fit.noise._replace(scale=scale, gyro_cross=cross))
+                x = filtered(fit.steps, fit.noise, fit.P0)[0]
+        turned = _straightened(fit, x) if params.smooth else None
+        if turned is None:
+            break
+        fit = _given(drive, vehicle, params, turned)
+    return fit
+
+
+def _is_wrong(scale: Floats) -> bool:
+    return bool(np.any(scale > CHANGED))
+
+
+def _knowing(steps: Steps, x: Floats) -> Floats:
+    """(m, 29) states to begin with, where the constants are known from the whole drive."""
+    starts = steps.starts.copy()
+    constants = np.setdiff1d(np.arange(N), MOVING)
+    starts[:, constants] = x[_last(steps), constants]
+    return starts
+
+
+def _last(steps: Steps) -> int:
+    """The last step that the IMU is there."""
+    return int(np.flatnonzero(steps.alive)[-1])
+
+
+def _straightened(fit: Fit, x: Floats) -> Mounting | None:
+    """The mounting turned by what the filter found; None where that is small (section 7)."""
+    steps = fit.steps
+    moving = steps.alive & ~steps.still
+    found: Floats = x[_last(steps), MPHI : MPSI + 1].copy()
+    bank = None
+    if not np.isfinite(steps.fixes[:, ROLL]).any():
+        found[0] = 0.0  # nothing tells it
+        bank = float(np.mean(x[moving, PHI]))
+    if not _has_heights(steps):
+        found[1] = 0.0  # what the springs tell of it is weak
+    if np.abs(found).max() < SMALL_MOUNTING and not fit.mounting.wrong(found).any():
+        return None
+    return fit.mounting.turned(found, bank)
+
+
 def _angles(
-    result: Smoothed, steps: Steps, P0: Floats, params: FusionParameters
+    fit: Fit, result: Smoothed, params: FusionParameters
 ) -> tuple[dict[str, Floats], dict[str, Floats]]:
     """The road's and the body's angles and all variances on the smoother's steps (section 7).
 
     Mounting and load turn the body alike: data give their sum, the priors divide it. Of what the
     road does faster than ROAD_BAND the body's own bounce is the larger part; it counts as body.
     """
-    x, s = result.x, steps.sway
-    pitch = x[:, KTHETA] * s[:, FORWARD] + x[:, KSIDE] * s[:, UNSIGNED] + s[:, NOSE] + x[:, EP]
-    roll = x[:, KPHI] * s[:, LATERAL] + s[:, LEAN] + x[:, ER]
+    steps, x, s = fit.steps, result.x, fit.steps.sway
+    forward = s[:, FORWARD] - x[:, BA] - G * x[:, MTHETA]
+    lateral = s[:, LATERAL] - x[:, BA + 1] - G * x[:, MPHI]
+    pitch = x[:, KTHETA] * forward + x[:, KSIDE] * s[:, UNSIGNED] + s[:, NOSE] + x[:, EP]
+    roll = x[:, KPHI] * lateral + s[:, LEAN] + x[:, ER]
     inclination, roll_total = x[:, THETA] - x[:, MTHETA], x[:, PHI] - x[:, MPHI]
     grade, bank = inclination - pitch, roll_total - roll
     if params.smooth:
         grade, bank = _slow(grade, steps.alive), _slow(bank, steps.alive)
-    load, mounting = params.load_pitch_sd**2, P0[MTHETA, MTHETA]
+    load, mounting = params.load_pitch_sd**2, fit.P0[MTHETA, MTHETA]
+    mounted = fit.mounting.whole(result.x_end[MPHI : MPSI + 1])[1]
     share = load / (load + mounting)
     angles = {
         "grade": grade,
         "bank": bank,
-        "pitch": inclination - grade + share * x[:, MTHETA],
+        "pitch": inclination - grade + share * mounted,
         "roll": roll_total - bank,
     }
     static = share**2 * result.P_end[MTHETA, MTHETA] + share * mounting
     variance = {name: result.variance[:, column] for name, column in OUTPUTS.items()}
     for name in ("pitch", "inclination"):
         variance[name] = variance[name] + static
-    # `sway` is of the sensor as it is: its constant error bends the body a little for good
-    known = np.diag(result.P_end)
-    for name, gain, bias, angle in (
-        ("pitch", KTHETA, BA, MTHETA),
-        ("roll", KPHI, BA + 1, MPHI),
-    ):
-        error = known[bias] + G**2 * known[angle]
-        variance[name] = variance[name] + result.x_end[gain] ** 2 * error
     return angles, variance
 
 
@@ -214,12 +310,22 @@ def _slow(values: Floats, alive: Bools) -> Floats:
     return result
 
 
-def _constants(result: Smoothed, time: Floats) -> Detail:
-    """What was found of every constant, after the last step: it holds for the whole drive."""
-    sd = np.sqrt(np.diag(result.P_end))
+def _constants(fit: Fit, result: Smoothed, time: Floats) -> Detail:
+    """What was found of every constant, after the last step: it holds for the whole drive.
+
+    Mounting and biases in the IMU's own axes, those of the log.
+    """
+    x, P = result.x_end.copy(), result.P_end
+    turn = np.eye(N)
+    for first in (BG, BA):
+        axes = slice(first, first + 3)
+        turn[axes, axes] = fit.mounting.rotation.T
+        x[axes] = fit.mounting.rotation.T @ x[axes]
+    x[MPHI : MPSI + 1] = fit.mounting.whole(x[MPHI : MPSI + 1])
+    sd = np.sqrt(np.diag(turn @ P @ turn.T))
     columns = {}
     for name, state in CONSTANTS.items():
-        columns[name] = result.x_end[[state]]
+        columns[name] = x[[state]]
         columns[f"{name}_sd"] = sd[[state]]
     return Detail("roadlog.v1.FusionConstants", time[-1:], columns)
 
@@ -231,17 +337,30 @@ def _unknown_arm(vehicle: Vehicle, steps: Steps) -> Floats:
     """
     if vehicle.imu_position is not None:
         return np.zeros(2)
-    heights = np.isfinite(steps.fixes[:, [UP, ALTITUDE, BAROMETER]]).any()
-    return (UNKNOWN_ARM / G) ** 2 * np.array([0.0 if heights else 1.0, 1.0])
+    return (UNKNOWN_ARM / G) ** 2 * np.array([0.0 if _has_heights(steps) else 1.0, 1.0])
 
 
-def _found(result: Smoothed, P0: Floats) -> list[str]:
+def _has_heights(steps: Steps) -> bool:
+    return bool(np.isfinite(steps.fixes[:, [UP, ALTITUDE, BAROMETER]]).any())
+
+
+def _mounting_notes(fit: Fit, constants: Mapping[str, Floats]) -> list[str]:
+    """A sentence on an IMU that had to be turned."""
+    if np.array_equal(fit.mounting.rotation, np.eye(3)):
+        return []
+    turn = ", ".join(
+        f"{axis} {np.degrees(constants[f'mounting_{axis}'][0]):+.1f}"
+        for axis in ("roll", "pitch", "yaw")
+    )
+    return [f"the IMU is not mounted straight, and was turned (deg): {turn}"]
+
+
+def _found(constants: Mapping[str, Floats], prior: Floats) -> list[str]:
     """A sentence on the constants that the drive told, with their standard errors."""
-    sd, prior = np.sqrt(np.diag(result.P_end)), np.sqrt(np.diag(P0))
     found = [
-        f"{name} {result.x_end[state]:+.2g} +- {sd[state]:.1g}"
+        f"{name} {constants[name][0]:+.2g} +- {constants[f'{name}_sd'][0]:.1g}"
         for name, state in CONSTANTS.items()
-        if sd[state] < LEARNED * prior[state]
+        if constants[f"{name}_sd"][0] < LEARNED * prior[state]
     ]
     return [f"found (SI units, 1 sd): {', '.join(found)}"] if found else []
 

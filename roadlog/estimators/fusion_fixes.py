@@ -19,7 +19,7 @@ from roadlog.estimators.fusion_model import (
     ROLL,
     UP,
 )
-from roadlog.estimators.fusion_speed import SpeedSource, gnss_delay, known_samples
+from roadlog.estimators.fusion_speed import SpeedSource, known_samples
 from roadlog.types import Bools, Floats
 
 MIN_COURSE_SPEED = 1.0  # m/s, below this the course is noise
@@ -36,8 +36,13 @@ REVISIT_RADIUS, REVISIT_HEIGHT = 4.0, 3.0  # m; a lane beside is as high, a floo
 REVISIT_TIME, REVISIT_PATH = 20.0, 100.0  # s, m between two visits
 
 
-def fixes_of(drive: Drive, time: Floats, source: SpeedSource) -> tuple[Floats, Floats]:
-    """The rows of receiver and barometer at the nearest steps and their sd, (n, 8)."""
+def fixes_of(
+    drive: Drive, time: Floats, source: SpeedSource, delay: float
+) -> tuple[Floats, Floats]:
+    """The rows of receiver and barometer at the nearest steps and their sd, (n, 8).
+
+    delay: s, of the receiver behind the IMU.
+    """
     n = len(time)
     fixes, sd = np.full((n, CLOSURE + 1), np.nan), np.ones((n, CLOSURE + 1))
     gnss = drive.native.get("gnss", Samples(np.empty(0), {}))
@@ -53,7 +58,7 @@ def fixes_of(drive: Drive, time: Floats, source: SpeedSource) -> tuple[Floats, F
     speed, course = column("speed"), column("course")
     if source.name == "gnss":
         speed = unknown  # it is the speed row already
-    at = gnss.time - gnss_delay(drive, source)
+    at = gnss.time - delay
     moving = speed > MIN_COURSE_SPEED
     # an error of the course moves the car sideways by speed x error
     across = np.nan_to_num(speed) * np.nan_to_num(column("course_accuracy"))

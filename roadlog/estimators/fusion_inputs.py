@@ -30,7 +30,7 @@ from roadlog.estimators.fusion_model import (
     Steps,
     U,
 )
-from roadlog.estimators.fusion_speed import SpeedSource, binned, interpolated, speed_source
+from roadlog.estimators.fusion_speed import SpeedSource, binned, interpolated
 from roadlog.filters.kernels import odd_window, slope
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
@@ -52,7 +52,7 @@ DASHBOARD_HEIGHT = 0.75  # m over the ground, of an IMU whose position is not kn
 RATE_WINDOW = 0.11  # s, for the derivative of the gyro
 STILL_SPEED, STILL_TIME = 0.06, 0.3  # m/s, s to either side
 STILL_GYRO, STILL_ACCEL = 0.003, 0.03  # rad/s, m/s2, floor of the quiet peak-to-peak
-QUIET_PERCENTILE, QUIET_FACTOR = 30, 3
+QUIET_PERCENTILE, QUIET_FACTOR = 29, 3
 CREEP = 1.0  # m/s, below this unsigned wheel sensors say little
 
 
@@ -62,9 +62,17 @@ def grid(drive: Drive) -> Floats:
 
 
 def build(
-    drive: Drive, vehicle: Vehicle, speed_sd: float, creep_sd: float
-) -> tuple[Steps, SpeedSource]:
-    """The smoother's inputs. Raises EstimatorError when no second of IMU and speed is there."""
+    drive: Drive,
+    vehicle: Vehicle,
+    source: SpeedSource,
+    delay: float,
+    speed_sd: float,
+    creep_sd: float,
+) -> Steps:
+    """The smoother's inputs. delay: s, of the receiver behind the IMU.
+
+    Raises EstimatorError when no second of IMU and speed is there.
+    """
     time = grid(drive)
     n = len(time)
     dt = 1 / RATE
@@ -79,7 +87,6 @@ def build(
         lever = _lever(point[:, 3:], arm, alive, dt)
         point[:, :3] += lever
         mean[:, :3] += 0.5 * (lever + np.roll(lever, -1, axis=0))
-    source = speed_source(drive, vehicle)
     speed = binned(source.time, source.value, n)
     shown = interpolated(source, time)
     still = _standstill(shown, point, alive)
@@ -87,14 +94,14 @@ def build(
     sway = np.zeros((n, LEAN + 1))
     for run in runs(alive):
         sway[run] = _sway(point[run], vehicle)
-    fixes, fixes_sd = fixes_of(drive, time, source)
+    fixes, fixes_sd = fixes_of(drive, time, source, delay)
     clone = revisits(drive, time, alive, fixes, fixes_sd)
     start = np.full(n, -1, np.int64)
     starts: list[Floats] = []
     for run in runs(alive):
         start[run.start] = len(starts)
         starts.append(_start(run, mean, point, shown, fixes, dt))
-    steps = Steps(
+    return Steps(
         dt=dt,
         force=mean[:, :3].copy(),
         rate=mean[:, 3:].copy(),
@@ -113,7 +120,6 @@ def build(
         antenna=_antenna(vehicle),
         height=height,
     )
-    return steps, source
 
 
 def _sway(point: Floats, vehicle: Vehicle) -> Floats:

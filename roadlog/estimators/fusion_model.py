@@ -87,6 +87,7 @@ class Noise(NamedTuple):
     vertical: float  # m/s2/sqrt(Hz)
     vertical_gain: float  # -, share of u q
     gyro: float  # rad/sqrt(s)
+    gyro_cross: float  # sqrt(s), times the yaw rate: its share in the other axes
     gyro_bias: float  # rad/s/sqrt(s)
     accel_bias: float  # m/s2/sqrt(s)
     body: float  # rad, body angle that the suspension gains do not explain
@@ -111,6 +112,7 @@ class Noise(NamedTuple):
     every: int  # steps between two uses of the road, axle and standstill rows
     gate: float  # sd, beyond which a residual loses weight
     still_gate: float  # sd, of the standing gyro
+    scale: Floats  # (ROWS,) by which the sd of each row is larger than said above
 
 
 @njit(cache=True)
@@ -204,7 +206,7 @@ def process_noise(
         noise.accel**2 + (noise.accel_gain * f[1]) ** 2 + (noise.yaw_slip * w[2] * x[U]) ** 2
     )
     q[W] = dt * (noise.vertical**2 + (noise.vertical_gain * w[1] * x[U]) ** 2)
-    q[PHI] = q[THETA] = dt * noise.gyro**2
+    q[PHI] = q[THETA] = dt * (noise.gyro**2 + (noise.gyro_cross * w[2]) ** 2)
     share = 1.0 - exp(-2 * dt / noise.body_time)
     q[EP] = share * (
         noise.body**2
@@ -231,16 +233,18 @@ def body_pitch(x: Floats, s: Floats) -> float:
 
     Balance of moments of the body on its springs: J angle'' = K f - angle - c angle', where
     angle'' is the acceleration against the horizontal, which the gyro knows. The first two terms
-    behind the lag c are `sway`; so a body that the road rocks is told from the road itself.
+    behind the lag c are `sway`; so a body that the road rocks is told from the road itself. Of the
+    force, what the sensor's bias and mounting make of gravity is none.
     """
-    gain = x[KTHETA] * s[FORWARD] + x[KSIDE] * s[UNSIGNED]
-    return x[MTHETA] + gain + s[NOSE] + x[EP]
+    force = s[FORWARD] - x[BA] - G * x[MTHETA]
+    return x[MTHETA] + x[KTHETA] * force + x[KSIDE] * s[UNSIGNED] + s[NOSE] + x[EP]
 
 
 @njit(cache=True)
 def body_roll(x: Floats, s: Floats) -> float:
     """rad, of the body against the road, with its mounting."""
-    return x[MPHI] + x[KPHI] * s[LATERAL] + s[LEAN] + x[ER]
+    force = s[LATERAL] - x[BA + 1] - G * x[MPHI]
+    return x[MPHI] + x[KPHI] * force + s[LEAN] + x[ER]
 
 
 @njit(cache=True)
@@ -326,11 +330,15 @@ def _slip(x: Floats, w: Floats, s: Floats, h: Floats) -> float:
 
 @njit(cache=True)
 def _contact(x: Floats, s: Floats, h: Floats) -> float:
-    """m/s, velocity of the car out of the road: 0."""
+    """m/s, velocity of the car out of the road: 0.
+
+    No derivative to the body roll: its lever v is as small as what else moves a car sideways, and
+    would turn the mounting.
+    """
     pitch, roll = body_pitch(x, s), body_roll(x, s)
     h[W], h[V], h[U] = 1.0, roll, pitch
-    h[MPHI], h[KPHI], h[ER] = x[V], s[LATERAL] * x[V], x[V]
-    h[MTHETA], h[KTHETA], h[KSIDE], h[EP] = x[U], s[FORWARD] * x[U], s[UNSIGNED] * x[U], x[U]
+    h[MTHETA], h[BA], h[EP] = x[U] * (1 - G * x[KTHETA]), -x[U] * x[KTHETA], x[U]
+    h[KTHETA], h[KSIDE] = x[U] * (s[FORWARD] - x[BA] - G * x[MTHETA]), x[U] * s[UNSIGNED]
     return x[W] + roll * x[V] + pitch * x[U]
 
 

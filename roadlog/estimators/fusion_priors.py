@@ -30,6 +30,7 @@ from roadlog.estimators.fusion_model import (
     MTHETA,
     PHI,
     PSI,
+    ROWS,
     TAU,
     THETA,
     XR,
@@ -43,12 +44,17 @@ from roadlog.estimators.fusion_model import (
     W,
 )
 from roadlog.estimators.fusion_speed import SpeedSource
-from roadlog.types import Floats
+from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import Vehicle
 
 DEG = np.pi / 180
 CALIBRATED_MOUNTING = 0.1 * DEG  # a mounting that the vehicle file gives is no better (section 3)
+UNKNOWN_MOUNTING = 3.0 * DEG  # of an IMU that lies somewhere in the car (section 3)
+CROSSFALL = 1.5 * DEG  # sd of a drive's mean bank: what levels an IMU that lies askew
+TURN_TIME = 5.0  # s of a turn, over which an error in proportion to its rate lasts
+UNKNOWN_SIDE = 0.4  # m, sd of the IMU's place across the car where it is not known
+CONFLICT = 2.0  # sd; a mounting found further from its prior was not mounted as that says
 SAME_GAIN = 0.01  # a roll gradient this near m h / k was computed, not measured
 FAST_GNSS = 5.0  # Hz; slower receivers are of the consumer kind, with a slower and larger error
 
@@ -79,6 +85,7 @@ class FusionParameters:
     vertical_noise: float = parameter(0.05, "m/s2/sqrt(Hz)", "upward, at least")
     vertical_vibration: float = parameter(0.5, "-", "upward noise per vibration of the road")
     gyro_noise: float = parameter(0.02 * DEG, "rad/sqrt(s)", "of the tilt")
+    gyro_cross: float = parameter(0.001, "-", "share of the yaw rate in the gyro's other axes")
     body_angle_sd: float = parameter(0.025 * DEG, "rad", "body angle the gains do not explain")
     body_vibration: float = parameter(
         1.8 * DEG, "rad/(m/s2/sqrt(Hz))", "body angle per vibration of the road"
@@ -98,8 +105,63 @@ class FusionParameters:
     gate: float = parameter(4.0, "sd", "residuals beyond this lose weight")
 
 
+@dataclass(frozen=True)
+class Mounting:
+    """What is known of the IMU against the unmoving body.
+
+    rotation (3, 3): rows forward, left, up, in the IMU's axes, by which its signals are turned.
+    mean, sd (3,): rad, prior of the roll, pitch and yaw that are left (MPHI, MTHETA, MPSI).
+    """
+
+    rotation: Floats
+    mean: Floats
+    sd: Floats
+
+    def wrong(self, found: Floats) -> Bools:
+        """(3,), whether each angle is further from its prior than that allows."""
+        return np.abs(found - self.mean) > CONFLICT * self.sd
+
+    def turned(self, found: Floats, mean_bank: float | None) -> Mounting:
+        """Turned by what the data found, so that it is small again (section 7).
+
+        An angle that its prior does not allow is unknown; and so then is the roll, which nothing
+        but antennas tells, save that the mean of bank over a drive is small. mean_bank: rad, of the
+        drive; None where antennas tell the roll.
+        """
+        rest, wrong = self.mean - found, self.wrong(found)
+        sd = np.where(wrong, np.maximum(self.sd, UNKNOWN_MOUNTING), self.sd)
+        if wrong.any() and mean_bank is not None:
+            share = UNKNOWN_MOUNTING**2 / (UNKNOWN_MOUNTING**2 + CROSSFALL**2)
+            found = found + np.array([share * mean_bank, 0.0, 0.0])
+            rest[0], sd[0] = 0.0, np.sqrt(share) * CROSSFALL
+        return Mounting(_rotation(found) @ self.rotation, rest, sd)
+
+    def whole(self, left: Floats) -> Floats:
+        """rad, roll, pitch and yaw of the IMU, from those left (3,)."""
+        from scipy.spatial.transform import Rotation
+
+        turn = Rotation.from_matrix(_rotation(left) @ self.rotation).as_rotvec()
+        return turn * [1.0, -1.0, 1.0]
+
+
+def _rotation(angles: Floats) -> Floats:
+    """(3, 3), of roll and yaw right-handed, pitch nose-up; rad."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(angles * [1.0, -1.0, 1.0]).as_matrix()
+
+
+def mounting_prior(vehicle: Vehicle, params: FusionParameters) -> Mounting:
+    """As the vehicle file has it, else straight."""
+    known = vehicle.source("imu_mount").axis_sd
+    sd = np.full(3, params.mounting_sd)
+    if known is not None:
+        sd = np.maximum(known, CALIBRATED_MOUNTING)
+    return Mounting(np.eye(3), np.zeros(3), sd)
+
+
 def priors(
-    vehicle: Vehicle, params: FusionParameters, source: SpeedSource
+    vehicle: Vehicle, params: FusionParameters, source: SpeedSource, mounting: Mounting
 ) -> tuple[Floats, Floats]:
     """Prior of the constants (29,) and of all states (29, 29) (section 3)."""
     mean, sd = np.zeros(N), np.zeros(N)
@@ -108,10 +170,7 @@ def priors(
     sd[[EP, ER]] = 0.1 * DEG
     sd[BG : BG + 3] = params.gyro_bias_sd
     sd[BA : BA + 3] = np.array([1, 1, 2]) * params.accel_bias_sd
-    mounted = vehicle.source("imu_mount").axis_sd
-    sd[MPHI : MPSI + 1] = (
-        params.mounting_sd if mounted is None else np.maximum(mounted, CALIBRATED_MOUNTING)
-    )
+    mean[MPHI : MPSI + 1], sd[MPHI : MPSI + 1] = mounting.mean, mounting.sd
     sd[KAPPA] = params.speed_scale_sd
     mean[KTHETA], mean[KPHI] = vehicle.pitch_gain, roll_gain(vehicle)
     sd[KTHETA] = vehicle.source("pitch_gradient").sd or params.pitch_gain_sd
@@ -127,6 +186,8 @@ def priors(
     else:
         mean[XR], sd[XR] = -1.4, 0.7
     mean[YW], sd[YW] = source.offset, source.offset_sd
+    if vehicle.imu_position is None:
+        sd[YW] = np.hypot(sd[YW], UNKNOWN_SIDE)
     sd[PSI], sd[H], sd[HO], sd[HB], sd[HC] = 0.3, 5.0, 1.0, 1.0, 5.0
     return mean, np.diag(sd**2)
 
@@ -162,8 +223,9 @@ def noise_of(steps: Steps, vehicle: Vehicle, params: FusionParameters, drive: Dr
         vertical=max(params.vertical_noise, params.vertical_vibration * rough),
         vertical_gain=0.002,
         gyro=params.gyro_noise,
+        gyro_cross=params.gyro_cross * np.sqrt(TURN_TIME),
         gyro_bias=5e-6,
-        accel_bias=1e-4,
+        accel_bias=3e-4,
         body=params.body_angle_sd + params.body_vibration * rough,
         body_gain=params.body_share,
         inertia_gain=params.body_inertia_share,
@@ -186,4 +248,5 @@ def noise_of(steps: Steps, vehicle: Vehicle, params: FusionParameters, drive: Dr
         every=round(0.1 / steps.dt),
         gate=params.gate,
         still_gate=3.0,
+        scale=np.ones(ROWS),
     )

@@ -64,6 +64,6 @@ def rauch_tung_striebel(
         k = runs[i]
         xs[k] = x
         if is_reported(k, steps, noise):
-            rows = output_rows(steps.sway[k])
+            rows = output_rows(steps.sway[k], noise)
             given_variances(rows @ P @ rows.T, variance[k], shape[k])
     return xs, variance, shape, *filtered[-1]

@@ -45,6 +45,7 @@ from roadlog.estimators.fusion_model import (
 from roadlog.filters import Engine
 from roadlog.filters.kalman import solve_spd
 from roadlog.types import Floats
+from roadlog.units import STANDARD_GRAVITY as G
 
 PIECE = 128  # steps between two checkpoints; covariances of one piece (0.7 MB) stay in the cache
 GRADE, BANK, PITCH, ROLL_ANGLE, INCLINATION, ROLL_TOTAL = range(6)  # outputs
@@ -124,12 +125,13 @@ def residual_row(
 ) -> tuple[float, float, float]:
     """`row` at the filter's states, or linearised at those of the pass before."""
     if len(at) == 0:
-        return row(kind, k, x, steps, noise, h)
+        residual, sd, gate = row(kind, k, x, steps, noise, h)
+        return residual, sd * noise.scale[kind], gate
     residual, sd, gate = row(kind, k, at[k], steps, noise, h)
     if np.isfinite(residual):
         for i in range(N):
             residual -= h[i] * (x[i] - at[k, i])
-    return residual, sd, gate
+    return residual, sd * noise.scale[kind], gate
 
 
 @njit(cache=True)
@@ -223,13 +225,15 @@ class Piece(NamedTuple):
     """What the filter did in a run of steps, for the way back.
 
     x (m, 29), P (m, 29, 29): after the rows of a step. F (m, 29, 29): into the step. used (m,):
-    number of rows; h, gain (m, ROWS, 29), residual, spread (m, ROWS): of each row, in their order.
+    number of rows; kind, residual, spread (m, ROWS), h, gain (m, ROWS, 29): of each row, in their
+    order.
     """
 
     x: Floats
     P: Floats
     F: Floats
     used: NDArray[np.int64]
+    kind: NDArray[np.int64]
     h: Floats
     gain: Floats
     residual: Floats
@@ -281,11 +285,50 @@ def _forward(
                 piece.h[m, c, i], piece.gain[m, c, i] = h[i], gain
                 for j in range(N):
                     P[i, j] -= gain * Ph[j]
-            piece.residual[m, c], piece.spread[m, c] = residual, total
+            piece.kind[m, c], piece.residual[m, c], piece.spread[m, c] = kind, residual, total
             piece.used[m] += 1
         piece.x[m] = x
         piece.P[m] = P
     return x
+
+
+@njit(cache=True)
+def _empty_piece() -> Piece:
+    return Piece(
+        np.empty((PIECE, N)),
+        np.empty((PIECE, N, N)),
+        np.empty((PIECE, N, N)),
+        np.zeros(PIECE, np.int64),
+        np.zeros((PIECE, ROWS), np.int64),
+        np.empty((PIECE, ROWS, N)),
+        np.empty((PIECE, ROWS, N)),
+        np.empty((PIECE, ROWS)),
+        np.empty((PIECE, ROWS)),
+    )
+
+
+@njit(cache=True)
+def filtered(steps: Steps, noise: Noise, P0: Floats) -> tuple[Floats, Floats]:
+    """Forward only: states (n, 29) after the rows of each step, and innovations (n, ROWS).
+
+    An innovation is a residual over its sd as predicted; NaN where there is no row.
+    """
+    n = len(steps.speed)
+    piece = _empty_piece()
+    xs, innovations = np.full((n, N), np.nan), np.full((n, ROWS), np.nan)
+    x, P, at = steps.starts[0].copy(), P0.copy(), np.empty((0, N))
+    for first in range(0, n, PIECE):
+        last = min(n, first + PIECE)
+        x = _forward(first, last, x, P, steps, noise, P0, at, piece)
+        for k in range(first, last):
+            m = k - first
+            if steps.alive[k]:
+                xs[k] = piece.x[m]
+            for c in range(piece.used[m]):
+                innovations[k, piece.kind[m, c]] = piece.residual[m, c] / np.sqrt(
+                    piece.spread[m, c]
+                )
+    return xs, innovations
 
 
 @njit(cache=True)
@@ -298,16 +341,7 @@ def _bryson_frazier(
     """
     n = len(steps.speed)
     pieces = (n + PIECE - 1) // PIECE
-    piece = Piece(
-        np.empty((PIECE, N)),
-        np.empty((PIECE, N, N)),
-        np.empty((PIECE, N, N)),
-        np.zeros(PIECE, np.int64),
-        np.empty((PIECE, ROWS, N)),
-        np.empty((PIECE, ROWS, N)),
-        np.empty((PIECE, ROWS)),
-        np.empty((PIECE, ROWS)),
-    )
+    piece = _empty_piece()
     x_at, P_at = np.empty((pieces, N)), np.empty((pieces, N, N))
     x, P = steps.starts[0].copy(), P0.copy()
     for c in range(pieces):
@@ -331,7 +365,7 @@ def _bryson_frazier(
                 for j in range(N):
                     xs[k, i] -= piece.P[m, i, j] * adjoint[j]
             if is_reported(k, steps, noise):
-                _variances(piece.P[m], L, steps.sway[k], variance[k], shape_variance[k])
+                _variances(piece.P[m], L, steps.sway[k], noise, variance[k], shape_variance[k])
             if not look_ahead:
                 continue  # with l = L = 0 these are the filter's own
             for i in range(piece.used[m] - 1, -1, -1):
@@ -401,11 +435,13 @@ def _row_back(
 
 
 @njit(cache=True)
-def output_rows(s: Floats) -> Floats:
+def output_rows(s: Floats, noise: Noise) -> Floats:
     """(10, 29): the outputs as functions of the states, then the OFFSETS."""
     rows = np.zeros((10, N))
     rows[PITCH, KTHETA], rows[PITCH, KSIDE], rows[PITCH, EP] = s[FORWARD], s[UNSIGNED], 1.0
+    rows[PITCH, BA], rows[PITCH, MTHETA] = -noise.pitch_gain, -G * noise.pitch_gain
     rows[ROLL_ANGLE, KPHI], rows[ROLL_ANGLE, ER] = s[LATERAL], 1.0
+    rows[ROLL_ANGLE, BA + 1], rows[ROLL_ANGLE, MPHI] = -noise.roll_gain, -G * noise.roll_gain
     rows[INCLINATION, THETA], rows[INCLINATION, MTHETA] = 1.0, -1.0
     rows[ROLL_TOTAL, PHI], rows[ROLL_TOTAL, MPHI] = 1.0, -1.0
     rows[GRADE] = rows[INCLINATION] - rows[PITCH]
@@ -416,9 +452,11 @@ def output_rows(s: Floats) -> Floats:
 
 
 @njit(cache=True)
-def _variances(P: Floats, L: Floats, s: Floats, variance: Floats, shape: Floats) -> None:
+def _variances(
+    P: Floats, L: Floats, s: Floats, noise: Noise, variance: Floats, shape: Floats
+) -> None:
     """Variances of the outputs under P - P L P, and of grade and bank given the OFFSETS."""
-    rows = output_rows(s)
+    rows = output_rows(s, noise)
     m = len(rows)
     B, LB = np.zeros((m, N)), np.zeros((m, N))
     for a in range(m):

@@ -15,7 +15,7 @@ from roadlog.types import Floats
 from roadlog.vehicle import Vehicle
 
 SPEED_GAP = 1.0  # s, speed is interpolated across for the standstill mask
-GNSS_DELAYS = np.arange(-30, 151) / 100  # s, tried for the receiver against the car's own speed
+GNSS_DELAYS = np.arange(-29, 151) / 100  # s, tried for the receiver against the car's own speed
 DELAY_CORRELATION = (
     5.0  # the sd of a delay grows by this: the residuals of speeds are no white noise
 )

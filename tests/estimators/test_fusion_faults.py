@@ -190,7 +190,8 @@ def test_torques_tell_the_bias(bends: Simulation) -> None:
     assert (figures["grade"].rmse_deg or 1) < 0.07
     assert (figures["grade"].rmse_deg or 1) < (without["grade"].rmse_deg or 0)
     assert (figures["grade"].within_2sd or 0) > 0.95
-    steps, _ = build(drive, bends.vehicle, 0.15, 0.3)
+    source = speed_source(drive, bends.vehicle)
+    steps = build(drive, bends.vehicle, source, 0.0, 0.15, 0.3)
     assert torque_bias(drive, Vehicle(), steps) is None  # the mass is not known
 
 
@@ -268,7 +269,7 @@ def test_standard_deviations_hold_over_drawn_errors(gnss: bool) -> None:
     """A3: coverage of the four angles over draws of the sensors' errors."""
     ideal = simulate("luo2024-s3b", ideal=True)
     topics = USED if gnss else USED[:2]
-    draws = [run(ideal, drawn(seed), topics)[1] for seed in range(5)]
+    draws = [run(ideal, drawn(seed), topics)[1] for seed in range(10)]
     for angle in FUSION.gives:
         covered = [figures[angle].within_2sd or 0.0 for figures in draws]
         assert 0.93 <= np.mean(covered) <= 1.0, (angle, covered)

@@ -6,8 +6,9 @@ import pytest
 from roadlog.drive import Drive
 from roadlog.estimators.fusion_inputs import build
 from roadlog.estimators.fusion_model import BA, BAROMETER, CLOSURE, ROWS, N, Noise, Steps
-from roadlog.estimators.fusion_priors import FusionParameters, noise_of, priors
+from roadlog.estimators.fusion_priors import FusionParameters, mounting_prior, noise_of, priors
 from roadlog.estimators.fusion_smoother import PIECE, prediction, residual_row, smooth
+from roadlog.estimators.fusion_speed import speed_source
 from roadlog.types import Floats
 from roadlog.vehicle import Vehicle
 
@@ -18,8 +19,9 @@ LENGTH = 2 * PIECE + 44  # steps; no multiple of the checkpoints
 def problem(hill_drive: Drive) -> tuple[Steps, Noise, Floats]:
     """Six seconds with climb and two altitudes now and then, and a place seen again."""
     vehicle, params = Vehicle(), FusionParameters()
-    steps, source = build(hill_drive, vehicle, params.speed_sd, params.creep_speed_sd)
-    mean, P0 = priors(vehicle, params, source)
+    source = speed_source(hill_drive, vehicle)
+    steps = build(hill_drive, vehicle, source, 0.0, params.speed_sd, params.creep_speed_sd)
+    mean, P0 = priors(vehicle, params, source, mounting_prior(vehicle, params))
     noise = noise_of(steps, vehicle, params, hill_drive)
     steps.starts[:] += mean
     cut = {

@@ -1,0 +1,57 @@
+"""How large the errors of `fusion`'s measurements are in this drive, by its own innovations.
+
+The innovations of a filter whose noise is as assumed are white and of unit variance (Mehra 1970,
+"On the identification of variances and adaptive Kalman filtering"). Where they are not, what counts
+is their spectrum at low frequency: an error that lasts for m samples carries the information of
+n / m of them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from roadlog.estimators.fusion_model import (
+    ALTITUDE,
+    BAROMETER,
+    CONTACT,
+    FIX,
+    ROWS,
+    SLIP,
+    SPEED,
+)
+from roadlog.types import Floats
+
+# Not the velocity and angles of a receiver, whose sd is doubled for correlation beforehand: where
+# they disagree for long it is for a constant, which they tell. At standstill nothing moves.
+ADAPTED = (SPEED, SLIP, CONTACT, FIX + ALTITUDE, FIX + BAROMETER)
+MIN_SAMPLES = 50
+UNCORRELATED = 0.05  # autocorrelation, below which the sum ends
+LONGEST = 20.0  # s, of correlation that is looked for
+CHANGED = 1.5  # factor of an sd, below which the filter is not run again
+
+
+def scales(innovations: Floats, dt: float) -> Floats:
+    """(ROWS,), by which the sd of each row is too small for these innovations (n, ROWS); 1 or more.
+
+    The root of their mean square times the number of samples that count as one.
+    """
+    result = np.ones(ROWS)
+    for kind in ADAPTED:
+        at = np.flatnonzero(np.isfinite(innovations[:, kind]))
+        if len(at) >= MIN_SAMPLES:
+            z = innovations[at, kind]
+            lags = int(LONGEST / dt / np.median(np.diff(at)))
+            found = np.sqrt(np.mean(z**2) * correlated(z, max(lags, 1)))
+            result[kind] = max(1.0, found)
+    return result
+
+
+def correlated(z: Floats, lags: int) -> float:
+    """1 + 2 sum of the autocorrelation of z (n,), until it vanishes: samples that count as one."""
+    n = len(z)
+    size = 1 << (2 * n - 1).bit_length()
+    spectrum = np.abs(np.fft.rfft(z, size)) ** 2
+    r = np.fft.irfft(spectrum, size)[: min(lags + 1, n)]
+    r /= max(r[0], 1e-300)
+    vanished = np.flatnonzero(r < UNCORRELATED)
+    return float(1 + 2 * r[1 : vanished[0] if len(vanished) else len(r)].sum())
