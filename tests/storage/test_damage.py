@@ -6,6 +6,7 @@ import random
 import resource
 import struct
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -289,31 +290,46 @@ def test_one_payload_that_cannot_be_decoded(drive: Path) -> None:
     np.testing.assert_array_equal(values, [np.nan if k == 7 else k for k in range(20)])
 
 
-def test_declared_counts_are_not_believed(tmp_path: Path) -> None:
-    """A summary, whole and under its CRC, that says a small file has 2^40 messages."""
-    path = tmp_path / "x.mcap"
-    write_log(path, [table("speed", EPOCH_NS + np.arange(50), {"v": np.arange(50.0)})], {})
-    data = path.read_bytes()
+def with_summary(
+    data: bytes, chunk: Mapping[str, object], statistics: Mapping[str, object]
+) -> bytes:
+    """A file with another summary, whole and under its CRC: these fields are changed."""
     start = int.from_bytes(data[-28:-20], "little")
-    many = 1 << 40
     summary = b""
     for at in container.inner_records(data, start, len(data) - 37):
         content = data[at.offset + 9 : at.end]
         if at.opcode == records.CHUNK_INDEX:
-            chunk = records.Chunk.parse(content)
-            length = 15 + records.INDEX_ENTRY * many
-            summary += chunk._replace(indexes_length=length, size=1 << 60).pack()
+            summary += records.Chunk.parse(content)._replace(**chunk).pack()  # type: ignore[arg-type]
         elif at.opcode == records.STATISTICS:
             found = records.Statistics.parse(content)
-            summary += replace(found, messages=many, counts={1: many}).pack()
+            summary += replace(found, **statistics).pack()  # type: ignore[arg-type]
         elif at.opcode != records.SUMMARY_OFFSET:
             summary += data[at.offset : at.end]
     summary += records.PREFIX.pack(records.FOOTER, 20) + struct.pack("<QQ", start, 0)
-    crc = struct.pack("<I", records.crc32(summary))
-    path.write_bytes(data[:start] + summary + crc + records.MAGIC)
-    with LogReader(path) as log:
+    return data[:start] + summary + struct.pack("<I", records.crc32(summary)) + records.MAGIC
+
+
+def test_a_summary_that_lies(tmp_path: Path) -> None:
+    path = tmp_path / "x.mcap"
+    write_log(path, [table("speed", EPOCH_NS + np.arange(50), {"v": np.arange(50.0)})], {})
+    data = path.read_bytes()
+    many = 1 << 40
+    length = 15 + records.INDEX_ENTRY * many
+    path.write_bytes(
+        with_summary(
+            data,
+            {"indexes_length": length, "size": 1 << 60},
+            {"messages": many, "counts": {1: many}},
+        )
+    )
+    with LogReader(path) as log:  # all of them are found without it
         assert log.read()["/speed"].columns["v"].tolist() == list(range(50))
         assert log.losses == []
+    for chunk in ({"length": 3}, {"offset": 1 << 62}, {"compression": "lz4"}, {"indexes": {1: 0}}):
+        path.write_bytes(with_summary(data, chunk, {}))
+        with LogReader(path) as log:
+            count = len(log.read()["/speed"])
+            assert (count, len(log.losses)) in ((50, 0), (0, 1)), chunk
 
 
 @pytest.mark.parametrize("size", [1 << 62, container.MAX_CHUNK - 1])
