@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import hill_tables
+from conftest import hill_tables, table
 from google.protobuf import descriptor_pb2
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from roadlog.log import DriveLog
+from roadlog.log import DriveLog, create
 
 PROFILE = """
 [time]
@@ -90,7 +90,10 @@ def own_messages(path: Path) -> list[tuple[str, int, bytes]]:
         ]
 
 
-def test_estimate_writes_in_place_and_later_commands_know_the_profile(foreign, hill_log, roadlog):
+def test_estimate_writes_in_place_and_later_commands_know_the_profile(foreign, roadlog):
+    imu, wheels, truth = hill_tables()
+    hill_log = foreign.with_name("hill.mcap")
+    create(hill_log, [imu, table("speed", wheels.time, {"v": wheels.columns["fl"]}), truth])
     before = own_messages(foreign)
     done = roadlog("estimate", "foreign.mcap", "--profile", "p.toml", "-e", "kmbe")
     assert done.returncode == 0, done.stderr
