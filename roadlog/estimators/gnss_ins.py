@@ -12,7 +12,7 @@ import numpy as np
 from roadlog.drive import Drive
 from roadlog.estimate import Detail, Estimate
 from roadlog.estimators import total_roll
-from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
+from roadlog.estimators.base import ANY_SPEED, Estimator, parameter
 from roadlog.estimators.total_roll import GNSS_GAP, TotalRoll
 from roadlog.filters import Engine
 from roadlog.vehicle import Vehicle
@@ -55,7 +55,7 @@ def _estimate(drive: Drive, total: TotalRoll) -> Estimate:
         {"roll_total": total.angle},
         {"roll_total": total.sd},
         ~missing,
-        flag(missing, "missing"),
+        total.flags,
         details,
         [total.note],
     )

@@ -42,7 +42,7 @@ def split_qs(drive: Drive, vehicle: Vehicle, params: SplitParameters, engine: En
     total = total_roll(drive, vehicle, params.smooth, engine)
     angles, sds = split(total, vehicle)
     missing = ~np.isfinite(angles["bank"]) | (total.since_update > GNSS_GAP)
-    flags = flag(missing, "missing")
+    flags = total.flags | flag(missing, "missing")
     return Estimate(drive.time, angles, sds, ~missing, flags, notes=[total.note])
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadlog.drive import Drive, runs
+from roadlog.estimators.base import flag
 from roadlog.estimators.kmbe import KmbeParameters, kmbe
 from roadlog.estimators.road_speed import tire_slip_compliance
 from roadlog.filters import Engine
@@ -18,7 +19,7 @@ from roadlog.filters.gaps import age, hold
 from roadlog.filters.kalman import LinearModel, Track, kalman_filter, rts_smoother
 from roadlog.filters.kernels import odd_window, parabolic_mean, slope
 from roadlog.filters.lever_arm import SpecificForce, specific_force_at_cg
-from roadlog.types import Floats
+from roadlog.types import Flags, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.vehicle import Vehicle
 
@@ -72,6 +73,13 @@ class TotalRoll:
     force: SpecificForce
     since_update: Floats
     source: str
+
+    @property
+    def flags(self) -> Flags:
+        """Where it is not known, and where the gyros alone carry it on."""
+        missing = ~np.isfinite(self.angle) | (self.since_update > GNSS_GAP)
+        carried = ~missing & (self.since_update > INERTIAL_GAP)
+        return flag(missing, "missing") | flag(carried, "held")
 
     @property
     def note(self) -> str:
