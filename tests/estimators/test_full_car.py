@@ -238,6 +238,33 @@ def test_t28_a_single_antenna_needs_the_yaw_rates_share(monkeypatch) -> None:
     assert rmse_deg(run.bank, truth["bank"]) > 0.8
 
 
+@pytest.mark.parametrize(
+    ("parameter", "factor", "limit"),
+    [
+        ("mass", 1.05, 0.115),  # 5 % of a mean grade of 2.3 %
+        ("rolling_resistance", 1.20, 0.23),
+        ("drag_area", 0.90, 0.03),
+        ("wheel_radius", 1.01, 0.02),
+        ("rear_cornering_stiffness", 0.85, 0.01),
+        ("roll_gradient", 1e-6, 0.03),
+    ],
+)
+def test_wrong_parameters_cost_what_section_2_says(
+    parameter: str, factor: float, limit: float
+) -> None:
+    """s3b, ideal signals: by how much the mean absolute error or the bias of the grade grows."""
+    drive, vehicle, truth = scenario("luo2024-s3b", True)
+    wrong = vehicle.with_values(**{parameter: factor * getattr(vehicle, parameter)})
+    errors = [
+        100 * (np.tan(estimators.run("tfobe", drive, car).grade) - np.tan(truth["grade"]))[SKIP:]
+        for car in (vehicle, wrong)
+    ]
+    right_bias, wrong_bias = (float(error.mean()) for error in errors)
+    right_size, wrong_size = (float(np.abs(error).mean()) for error in errors)
+    assert abs(wrong_bias - right_bias) < limit
+    assert wrong_size - right_size < limit
+
+
 def test_t29_an_hour_needs_no_repair() -> None:
     """s3 again and again, with the jumps between its end and its start."""
     drive, vehicle, _ = scenario("luo2024-s3", False)
