@@ -137,6 +137,17 @@ def test_t14_printed_form_on_kinematic_acceleration(name: str, ideal: bool) -> N
     assert 0.4 < np.polyfit(truth["grade"][SKIP:], printed[SKIP:], 1)[0] < 0.8
 
 
+@pytest.mark.parametrize(
+    ("variant", "low", "high"), [("paper", 1.03, 1.06), ("corrected", 0.99, 1.01)]
+)
+def test_t17_body_pitch_reads_as_grade_unless_taken_off(
+    variant: str, low: float, high: float
+) -> None:
+    drive, vehicle, truth = scenario("luo2024-s1", True)
+    grade = estimators.run("kmbe", drive, vehicle, {"variant": variant}).grade
+    assert low < np.polyfit(truth["grade"][SKIP:], grade[SKIP:], 1)[0] < high
+
+
 def test_t18_stop_with_held_brakes() -> None:
     """The brakes are held by 1500 N m, of which the standing car needs a part."""
     drive, vehicle, truth = scenario("luo2024-stopgo", False)
@@ -184,6 +195,16 @@ def test_t22_laps() -> None:
     assert np.abs(np.degrees(truth["bank"][level])).mean() > 1.5
     error = np.degrees(estimate.bank - truth["bank"])[level]
     assert np.sqrt((error**2).mean()) < 0.2
+
+
+def test_t23_fast_steering_needs_the_observer() -> None:
+    """The chirp passes 0.9 to 1.35 Hz from 12 to 21 s."""
+    estimate, truth, drive = bank("ryu2004-chirp", smooth=False)
+    _, vehicle, _ = scenario("ryu2004-chirp", False)
+    steady = estimators.run("split_qs", drive, vehicle, {"smooth": False})
+    band = (drive.time > 12.0) & (drive.time < 21.0)
+    ours, theirs = (np.std((e.bank - truth["bank"])[band]) for e in (estimate, steady))
+    assert ours < 0.5 * theirs
 
 
 def test_t27_sideslip_and_total_roll() -> None:
