@@ -45,7 +45,6 @@ from roadlog.estimators.fusion_model import (
     PHI,
     RATE,
     ROLL,
-    SPEED,
     TAU,
     THETA,
     TIRE,
@@ -222,9 +221,7 @@ def _adapted(fit: Fit, drive: Drive, vehicle: Vehicle, params: FusionParameters)
             known = fit.steps._replace(starts=_knowing(fit.steps, x))
             scale = scales(filtered(known, fit.noise, fit.P0)[1], fit.steps.dt)
             if _is_wrong(scale):
-                # a speed that the IMU predicts badly is as much the IMU's misfit
-                cross = fit.noise.gyro_cross * scale[SPEED]
-                fit = replace(fit, noise=fit.noise._replace(scale=scale, gyro_cross=cross))
+                fit = replace(fit, noise=fit.noise._replace(scale=scale))
                 x = filtered(fit.steps, fit.noise, fit.P0)[0]
         turned = _straightened(fit, x) if params.smooth else None
         if turned is None:

@@ -13,17 +13,16 @@ import numpy as np
 from roadlog.estimators.fusion_model import (
     ALTITUDE,
     BAROMETER,
-    CONTACT,
     FIX,
     ROWS,
     SLIP,
-    SPEED,
 )
 from roadlog.types import Floats
 
-# Not the velocity and angles of a receiver, whose sd is doubled for correlation beforehand: where
-# they disagree for long it is for a constant, which they tell. At standstill nothing moves.
-ADAPTED = (SPEED, SLIP, CONTACT, FIX + ALTITUDE, FIX + BAROMETER)
+# Rows whose error is slow: a car that slips otherwise than its tires say, altitudes that wander. A
+# slow misfit of speed or contact with the road would cost the fast motion that they tell; a
+# receiver's velocity and angles have twice their sd beforehand, and disagree for a constant.
+ADAPTED = (SLIP, FIX + ALTITUDE, FIX + BAROMETER)
 MIN_SAMPLES = 50
 UNCORRELATED = 0.05  # autocorrelation, below which the sum ends
 LONGEST = 20.0  # s, of correlation that is looked for
