@@ -143,4 +143,4 @@ def test_grade_of_fusion_against_the_altitude_of_canmod(shared, tmp_path):
 def test_grade_against_the_altitude_of_a_phone(shared, tmp_path, names):
     log = public(shared, tmp_path, *names)
     assert smoothed_error_deg(log, "kmbe") < 0.8
-    assert smoothed_error_deg(log, "fusion") < 0.75
+    assert smoothed_error_deg(log, "fusion") < 0.85
