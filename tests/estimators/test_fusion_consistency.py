@@ -1,0 +1,61 @@
+"""`fusion` takes the size of its errors, and a crooked IMU, from the drive itself."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from roadlog import estimators
+from roadlog.drive import Drive
+from roadlog.estimators.fusion_consistency import correlated, scales
+from roadlog.estimators.fusion_model import ROWS, SLIP
+from roadlog.signals import TRUTH_TOPIC
+from roadlog.simulate import simulate
+
+STEP = 0.02  # s
+
+
+def test_white_innovations_change_nothing() -> None:
+    innovations = np.random.default_rng(1).standard_normal((5000, ROWS))
+    assert correlated(innovations[:, 0], 100) == pytest.approx(1.0, abs=0.1)
+    np.testing.assert_allclose(scales(innovations, STEP), 1.0, atol=0.1)
+
+
+def test_slow_innovations_count_as_few() -> None:
+    """A first-order process of correlation a holds (1 - a) / (1 + a) independent samples."""
+    rng, a, n = np.random.default_rng(2), 0.9, 50_000
+    slow = np.empty(n)
+    slow[0] = rng.standard_normal()
+    for k in range(1, n):
+        slow[k] = a * slow[k - 1] + np.sqrt(1 - a**2) * rng.standard_normal()
+    assert correlated(slow, 1000) == pytest.approx((1 + a) / (1 - a), rel=0.15)
+    innovations = np.full((n, ROWS), np.nan)
+    innovations[:, SLIP] = 2 * slow
+    assert scales(innovations, STEP)[SLIP] == pytest.approx(2 * np.sqrt(19), rel=0.1)
+
+
+def test_a_crooked_imu_is_turned() -> None:
+    """Five degrees of yaw mix bank into grade; the drive tells them."""
+    simulation = simulate("luo2024-s3")
+    turn = np.radians(5.0)
+    tables = [t for t in simulation.tables if t.topic != TRUTH_TOPIC]
+    imu = next(t for t in tables if t.topic == "/imu")
+    columns = dict(imu.columns)
+    for kind in ("accel", "gyro"):
+        x, y = columns[f"{kind}_x"], columns[f"{kind}_y"]
+        columns[f"{kind}_x"] = np.cos(turn) * x + np.sin(turn) * y
+        columns[f"{kind}_y"] = np.cos(turn) * y - np.sin(turn) * x
+    drive = Drive.from_tables([replace(imu, columns=columns) if t is imu else t for t in tables])
+    estimate = estimators.run("fusion", drive, simulation.vehicle)
+    assert any("not mounted straight" in note for note in estimate.notes)
+    straight = estimators.run("fusion", Drive.from_tables(tables), simulation.vehicle)
+    assert not any("not mounted straight" in note for note in straight.notes)
+    yaw, own = (
+        np.degrees(found.details["constants"].columns["mounting_yaw"][0])
+        for found in (estimate, straight)
+    )
+    assert yaw == pytest.approx(5.0 + own, abs=0.15)
+    truth = simulation.table(TRUTH_TOPIC)
+    error = estimate.grade - np.interp(drive.time_ns, truth.time, truth.columns["grade"])
+    use = (drive.time > 5) & estimate.usable
+    assert np.degrees(np.sqrt(np.mean(error[use] ** 2))) < 0.08
