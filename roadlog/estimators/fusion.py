@@ -85,6 +85,7 @@ from roadlog.vehicle import Vehicle
 DEG = np.pi / 180
 SMALL_MOUNTING = 1.0 * DEG  # beyond this the IMU is turned and smoothed again (section 7)
 MAX_ROUNDS = 4  # of adapting
+LEARNING = 900.0  # s of driving in which noise and mounting show; more costs time and tells little
 SPEED_GAP = 3.0  # s without speed, flagged (section 7)
 SETTLE = 2.0  # s at the ends of a run of the IMU, flagged
 LINEAR_TIRES = 5.0  # m/s2 of lateral specific force, beyond which tires are not linear
@@ -93,6 +94,7 @@ ROAD_BAND = 1.5  # Hz, what changes faster is the body on its springs, not the r
 UNKNOWN_ARM = 0.03  # m/s2, of an accelerometer bias that curves tell an IMU of unknown place (10.4)
 LEARNED = 0.7  # a constant whose sd is this share of its prior's was found in the drive
 
+OF_THE_DRIVE = ("dt", "starts", "antenna", "height")  # what `Steps` has not one of at each step
 OUTPUTS = {
     "grade": GRADE,
     "bank": BANK,
@@ -206,28 +208,40 @@ def _given(drive: Drive, vehicle: Vehicle, params: FusionParameters, mounting: M
     steps.starts[:] += mean
     noise = noise_of(steps, vehicle, params, drive)
     if delay:  # behind a speed that may be late itself: the IMU tells by how much
-        alone = steps._replace(fixes=np.full_like(steps.fixes, np.nan))
-        late = float(filtered(alone, noise, P0)[0][_last(steps), TAU])
-        steps = build(drive, vehicle, source, delay + late, *sds)
-        steps.starts[:] += mean
+        alone = _beginning(steps)
+        alone = alone._replace(fixes=np.full_like(alone.fixes, np.nan))
+        late = float(filtered(alone, noise, P0)[0][_last(alone), TAU])
+        if abs(late) > steps.dt / 2:  # a fix counts at the nearest step
+            steps = build(drive, vehicle, source, delay + late, *sds)
+            steps.starts[:] += mean
     return Fit(steps, source, P0, noise, torque is not None, mounting)
 
 
 def _adapted(fit: Fit, drive: Drive, vehicle: Vehicle, params: FusionParameters) -> Fit:
     """With the noise that the drive shows, and the IMU turned until it is straight."""
     for _ in range(MAX_ROUNDS):
-        x, innovations = filtered(fit.steps, fit.noise, fit.P0)
-        if _is_wrong(scales(innovations, fit.steps.dt)):
-            known = fit.steps._replace(starts=_knowing(fit.steps, x))
-            scale = scales(filtered(known, fit.noise, fit.P0)[1], fit.steps.dt)
+        steps = _beginning(fit.steps)
+        x, innovations = filtered(steps, fit.noise, fit.P0)
+        if _is_wrong(scales(innovations, steps.dt)):
+            known = steps._replace(starts=_knowing(steps, x))
+            scale = scales(filtered(known, fit.noise, fit.P0)[1], steps.dt)
             if _is_wrong(scale):
                 fit = replace(fit, noise=fit.noise._replace(scale=scale))
-                x = filtered(fit.steps, fit.noise, fit.P0)[0]
-        turned = _straightened(fit, x) if params.smooth else None
+                x = filtered(steps, fit.noise, fit.P0)[0]
+        turned = _straightened(steps, fit.mounting, x) if params.smooth else None
         if turned is None:
             break
         fit = _given(drive, vehicle, params, turned)
     return fit
+
+
+def _beginning(steps: Steps) -> Steps:
+    """The steps of the first LEARNING seconds that the IMU is there."""
+    end = int(np.searchsorted(np.cumsum(steps.alive), LEARNING / steps.dt)) + 1
+    if end >= len(steps.alive):
+        return steps
+    parts = steps._asdict().items()
+    return steps._replace(**{k: part[:end] for k, part in parts if k not in OF_THE_DRIVE})
 
 
 def _is_wrong(scale: Floats) -> bool:
@@ -247,9 +261,8 @@ def _last(steps: Steps) -> int:
     return int(np.flatnonzero(steps.alive)[-1])
 
 
-def _straightened(fit: Fit, x: Floats) -> Mounting | None:
+def _straightened(steps: Steps, mounting: Mounting, x: Floats) -> Mounting | None:
     """The mounting turned by what the filter found; None where that is small (section 7)."""
-    steps = fit.steps
     moving = steps.alive & ~steps.still
     found: Floats = x[_last(steps), MPHI : MPSI + 1].copy()
     bank = None
@@ -258,9 +271,9 @@ def _straightened(fit: Fit, x: Floats) -> Mounting | None:
         bank = float(np.mean(x[moving, PHI]))
     if not _has_heights(steps):
         found[1] = 0.0  # what the springs tell of it is weak
-    if np.abs(found).max() < SMALL_MOUNTING and not fit.mounting.wrong(found).any():
+    if np.abs(found).max() < SMALL_MOUNTING and not mounting.wrong(found).any():
         return None
-    return fit.mounting.turned(found, bank)
+    return mounting.turned(found, bank)
 
 
 def _angles(
