@@ -5,6 +5,9 @@ Source: fusion chapter, section 6 (which sample feeds which row).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from roadlog.drive import Drive, Samples
@@ -22,6 +25,9 @@ from roadlog.estimators.fusion_model import (
 from roadlog.estimators.fusion_speed import SpeedSource, known_samples
 from roadlog.types import Bools, Floats
 
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
 MIN_COURSE_SPEED = 1.0  # m/s, below this the course is noise
 ALTITUDE_INTERVAL = 1.0  # s, between altitudes used: their error is correlated over more than that
 ACCURACY_FACTOR = 2.0  # receivers' errors are correlated over several samples
@@ -34,6 +40,7 @@ REVISIT_STEP = 0.2  # s between places that are compared
 REVISIT_GAP = 3.0  # s between fixes; across more the place is not known
 REVISIT_RADIUS, REVISIT_HEIGHT = 4.0, 3.0  # m; a lane beside is as high, a floor above is not
 REVISIT_TIME, REVISIT_PATH = 20.0, 100.0  # s, m between two visits
+NEIGHBORS_AT_ONCE = 64  # places whose neighbors are held at once
 
 
 def fixes_of(
@@ -114,18 +121,17 @@ def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: 
     place = np.stack([np.interp(at, own, east), np.interp(at, own, north)], axis=1)
     height, driven = np.interp(at, own, altitude), np.interp(at, own, path)
     run = np.cumsum(~alive)  # the same number on both sides of no gap
-    tree, at_step = cKDTree(place), np.round(at * RATE).astype(np.int64)
+    tree, at_step, times = cKDTree(place), np.round(at * RATE).astype(np.int64), at.tolist()
     kept = 0
-    for j, k in enumerate(at_step):
-        if k >= len(time) or not alive[k]:
+    for j, close in _neighbors(tree, place):
+        k, before = at_step[j], times[j] - REVISIT_TIME
+        near = sorted(i for i in close if i >= kept and times[i] < before)
+        if not near or k >= len(time) or not alive[k]:
             continue
-        near = np.sort(tree.query_ball_point(place[j], REVISIT_RADIUS))
-        near = near[(near >= kept) & (near < j)]
         first = at_step[near]
         is_again = (
             alive[first]
             & (run[first] == run[k])
-            & (at[j] - at[near] > REVISIT_TIME)
             & (driven[j] - driven[near] > REVISIT_PATH)
             & (np.abs(height[j] - height[near]) < REVISIT_HEIGHT)
         )
@@ -134,6 +140,13 @@ def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: 
             fixes[k, CLOSURE], fixes_sd[k, CLOSURE] = 0.0, CLOSURE_SD
             kept = j
     return clone
+
+
+def _neighbors(tree: cKDTree, place: Floats) -> Iterator[tuple[int, list[int]]]:
+    """Each place and those around it; in blocks, as a car that stands has thousands around it."""
+    for start in range(0, len(place), NEIGHBORS_AT_ONCE):
+        block = place[start : start + NEIGHBORS_AT_ONCE]
+        yield from enumerate(tree.query_ball_point(block, REVISIT_RADIUS), start)
 
 
 def _place(
