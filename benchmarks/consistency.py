@@ -86,7 +86,7 @@ def compared(
         if estimator.missing(drive):
             continue
         estimate = estimators.run(estimator.name, drive, vehicle)
-        track = AngleTrack.from_table(estimate.tables(drive)[0])
+        track = AngleTrack.of(estimate, drive)
         for angle in ANGLES:
             errors = angle_errors(track, truth, angle)
             if errors is not None:

@@ -49,7 +49,7 @@ def cells(tables: list[Table], truth: AngleTrack, vehicle: Vehicle, *, centered:
             continue
         estimate = estimators.run(name, drive, vehicle)
         angle = next(a for a in estimate.angles if a in truth.angles)
-        track = AngleTrack.from_table(estimate.tables(drive)[0])
+        track = AngleTrack.of(estimate, drive)
         found = angle_errors(track, truth, angle)
         share = estimate.usable.mean()
         if found is None or not found.valid.any():

@@ -54,6 +54,11 @@ class AngleTrack:
     flags: Flags
 
     @classmethod
+    def of(cls, estimate: Estimate, drive: Drive) -> AngleTrack:
+        """An estimate as a log would hold it."""
+        return cls.from_table(estimate.tables(drive)[0])
+
+    @classmethod
     def from_table(cls, table: Table) -> AngleTrack:
         """The columns of one RoadAngles channel."""
         angles, sd = {}, {}
@@ -137,7 +142,11 @@ class DriveLog:
 
     def drive(self, rate: float = DEFAULT_RATE) -> Drive:
         """The input signals on one clock. Raises LogReadError when there are none."""
-        return Drive.from_tables(self.tables(s.topic for s in INPUTS).values(), rate)
+        tables = self.tables(s.topic for s in INPUTS).values()
+        try:
+            return Drive.from_tables(tables, rate)
+        except LogReadError as error:
+            raise LogReadError("; ".join([f"{self.path}: {error}", *self.losses])) from error
 
     @cached_property
     def vehicle(self) -> Vehicle:

@@ -18,7 +18,7 @@ from roadlog.drive import Drive, runs
 from roadlog.estimate import Detail, Estimate, complete_angles
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag
 from roadlog.estimators.fusion_consistency import CHANGED, scales
-from roadlog.estimators.fusion_inputs import build, grid
+from roadlog.estimators.fusion_inputs import build, grid, with_fixes
 from roadlog.estimators.fusion_model import (
     ALTITUDE,
     BA,
@@ -56,6 +56,14 @@ from roadlog.estimators.fusion_model import (
     Noise,
     Steps,
 )
+from roadlog.estimators.fusion_outputs import (
+    BANK,
+    GRADE,
+    INCLINATION,
+    PITCH,
+    ROLL_ANGLE,
+    ROLL_TOTAL,
+)
 from roadlog.estimators.fusion_priors import (
     FusionParameters,
     Mounting,
@@ -64,17 +72,7 @@ from roadlog.estimators.fusion_priors import (
     noise_of,
     priors,
 )
-from roadlog.estimators.fusion_smoother import (
-    BANK,
-    GRADE,
-    INCLINATION,
-    PITCH,
-    ROLL_ANGLE,
-    ROLL_TOTAL,
-    Smoothed,
-    filtered,
-    smooth,
-)
+from roadlog.estimators.fusion_smoother import Smoothed, filtered, smooth
 from roadlog.estimators.fusion_speed import SpeedSource, gnss_delay, speed_source
 from roadlog.estimators.fusion_torque import torque_bias
 from roadlog.filters import Engine
@@ -199,8 +197,7 @@ def _given(drive: Drive, vehicle: Vehicle, params: FusionParameters, mounting: M
         drive = corrected(drive, Vehicle().with_values(imu_mount=rows))
     source = speed_source(drive, vehicle)
     delay = gnss_delay(drive, source)
-    sds = params.speed_sd, params.creep_speed_sd
-    steps = build(drive, vehicle, source, delay, *sds)
+    steps = build(drive, vehicle, source, delay, params.speed_sd, params.creep_speed_sd)
     mean, P0 = priors(vehicle, params, source, mounting)
     torque = torque_bias(drive, vehicle, steps)
     if torque is not None:
@@ -212,7 +209,7 @@ def _given(drive: Drive, vehicle: Vehicle, params: FusionParameters, mounting: M
         alone = alone._replace(fixes=np.full_like(alone.fixes, np.nan))
         late = float(filtered(alone, noise, P0)[0][_last(alone), TAU])
         if abs(late) > steps.dt / 2:  # a fix counts at the nearest step
-            steps = build(drive, vehicle, source, delay + late, *sds)
+            steps = with_fixes(steps, drive, source, delay + late)
             steps.starts[:] += mean
     return Fit(steps, source, P0, noise, torque is not None, mounting)
 

@@ -13,6 +13,7 @@ from roadlog.errors import EstimatorError
 from roadlog.estimators.fusion_fixes import fixes_of, revisits
 from roadlog.estimators.fusion_model import (
     ALTITUDE,
+    CLOSURE,
     EAST,
     FORWARD,
     LATERAL,
@@ -94,14 +95,11 @@ def build(
     sway = np.zeros((n, LEAN + 1))
     for run in runs(alive):
         sway[run] = _sway(point[run], vehicle)
-    fixes, fixes_sd = fixes_of(drive, time, source, delay)
-    clone = revisits(drive, time, alive, fixes, fixes_sd)
     start = np.full(n, -1, np.int64)
-    starts: list[Floats] = []
-    for run in runs(alive):
-        start[run.start] = len(starts)
-        starts.append(_start(run, mean, point, shown, fixes, dt))
-    return Steps(
+    for number, run in enumerate(runs(alive)):
+        start[run.start] = number
+    unknown = np.full((n, CLOSURE + 1), np.nan)
+    steps = Steps(
         dt=dt,
         force=mean[:, :3].copy(),
         rate=mean[:, 3:].copy(),
@@ -111,15 +109,26 @@ def build(
         speed=speed,
         speed_sd=np.where(np.abs(shown) < CREEP, creep_sd, speed_sd),
         still=still,
-        fixes=fixes,
-        fixes_sd=fixes_sd,
-        clone=clone,
+        fixes=unknown,
+        fixes_sd=unknown,
+        clone=np.zeros(n, np.bool_),
         alive=alive,
         start=start,
-        starts=np.array(starts),
+        starts=np.empty((0, N)),
         antenna=_antenna(vehicle),
         height=height,
     )
+    return with_fixes(steps, drive, source, delay)
+
+
+def with_fixes(steps: Steps, drive: Drive, source: SpeedSource, delay: float) -> Steps:
+    """The same with a receiver `delay` s behind the IMU, and states to begin with by its fixes."""
+    time = grid(drive)
+    fixes, fixes_sd = fixes_of(drive, time, source, delay)
+    clone = revisits(drive, time, steps.alive, fixes, fixes_sd)
+    shown = interpolated(source, time)
+    starts = [_start(run, steps, shown, fixes) for run in runs(steps.alive)]
+    return steps._replace(fixes=fixes, fixes_sd=fixes_sd, clone=clone, starts=np.array(starts))
 
 
 def _sway(point: Floats, vehicle: Vehicle) -> Floats:
@@ -305,9 +314,7 @@ def _standstill(speed: Floats, point: Floats, alive: Bools) -> Bools:
     return still
 
 
-def _start(
-    run: slice, mean: Floats, point: Floats, speed: Floats, fixes: Floats, dt: float
-) -> Floats:
+def _start(run: slice, steps: Steps, speed: Floats, fixes: Floats) -> Floats:
     """The moving states at the beginning of a run of the IMU (section 7)."""
     x = np.zeros(N)
     head = slice(run.start, min(run.stop, run.start + round(START * RATE)))
@@ -315,11 +322,11 @@ def _start(
     v = speed[head][known]
     if len(known):
         x[U] = v[0]
-    change = (v[-1] - v[0]) / ((known[-1] - known[0]) * dt) if len(known) > 1 else 0.0
-    turning = v.mean() * point[head, 5].mean() if len(known) else 0.0
-    x[THETA] = np.arcsin(np.clip((point[head, 0].mean() - change) / G, -0.7, 0.7))
-    x[PHI] = np.arcsin(np.clip((point[head, 1].mean() - turning) / G, -0.7, 0.7))
-    turned = np.cumsum(mean[run, 5]) * dt
+    change = (v[-1] - v[0]) / ((known[-1] - known[0]) * steps.dt) if len(known) > 1 else 0.0
+    turning = v.mean() * steps.rate_at[head, 2].mean() if len(known) else 0.0
+    x[THETA] = np.arcsin(np.clip((steps.force_at[head, 0].mean() - change) / G, -0.7, 0.7))
+    x[PHI] = np.arcsin(np.clip((steps.force_at[head, 1].mean() - turning) / G, -0.7, 0.7))
+    turned = np.cumsum(steps.rate[run, 2]) * steps.dt
     there = np.flatnonzero(np.isfinite(fixes[run, EAST]))
     if len(there):
         first = there[0]

@@ -6,10 +6,9 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 
 from roadlog.estimators.fusion_model import MOVING, ROWS, N, Noise, Steps
+from roadlog.estimators.fusion_outputs import given_variances, output_rows
 from roadlog.estimators.fusion_smoother import (
-    given_variances,
     is_reported,
-    output_rows,
     prediction,
     residual_row,
     restart,

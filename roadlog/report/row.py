@@ -272,7 +272,7 @@ def _facts(drive: Drive, metadata: Mapping[str, Mapping[str, str]]) -> dict[str,
 def _reduce(estimate: Estimate, drive: Drive, truth: AngleTrack | None, work: _Work) -> None:
     """Put the figures, curves and pass of one estimate where they belong, and forget it."""
     row, name = work.row, estimate.name
-    track = AngleTrack.from_table(estimate.tables(drive)[0])
+    track = AngleTrack.of(estimate, drive)
     usable = track.valid
     row["estimators"].append(name)
     row["run_time_s"][name] = estimate.run_time

@@ -98,7 +98,7 @@ def _run(
             estimate = estimators.run(estimator.name, drive, simulation.vehicle)
         except EstimatorError:
             continue  # the drive has not what the method needs, e.g. no stop
-        track = AngleTrack.from_table(estimate.tables(drive)[0])
+        track = AngleTrack.of(estimate, drive)
         for angle in ANGLES:
             errors = angle_errors(track, truth, angle)
             if errors is None:

@@ -58,7 +58,7 @@ def run(
     ]
     drive = Drive.from_tables(tables)
     estimate = estimators.run("fusion", drive, vehicle or simulation.vehicle)
-    track = AngleTrack.from_table(estimate.tables(drive)[0])
+    track = AngleTrack.of(estimate, drive)
     truth = AngleTrack.from_table(simulation.table(TRUTH_TOPIC))
     figures = {}
     for angle in FUSION.gives:
