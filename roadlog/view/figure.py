@@ -73,8 +73,10 @@ def angle_figure(view: DriveView) -> Figure:
             _finish(row[1], f"{angle} error [°]", view.error_ranges[angle])
         elif columns == 2:
             row[1].set_axis_off()
-    for axis in axes[-1]:
-        axis.set_xlabel("time [s]")
+    for column in axes.T:  # the lowest that is drawn has the axis of time
+        lowest = [axis for axis in column if axis.axison][-1]
+        lowest.set_xlabel("time [s]")
+        lowest.tick_params(labelbottom=True)
     labels = [name for name in ("truth", *drawn) if name in drawn]
     labels = list(
         dict.fromkeys([*labels[:1], *(n for n in view.estimators if n in drawn), *labels])
