@@ -42,6 +42,8 @@ DECAYING = np.array([EP, ER, HO, HB])  # rows of F with one number below 1
 SPEED, SLIP, CONTACT, STILL_VELOCITY, STILL_GYRO, FIX = 0, 1, 2, 3, 6, 9
 EAST, NORTH, UP, ALTITUDE, HEADING, ROLL, BAROMETER, CLOSURE = range(8)  # columns of `fixes`
 ROWS = FIX + 8
+# m/s; slower, bumps as long as the car rock it below the frequencies in which vibration is measured
+SHAKING_SPEED = 10.0
 FORWARD, LATERAL, TIRE, UNSIGNED, NOSE, LEAN = range(6)  # columns of `sway`
 
 
@@ -91,6 +93,7 @@ class Noise(NamedTuple):
     gyro_bias: float  # rad/s/sqrt(s)
     accel_bias: float  # m/s2/sqrt(s)
     body: float  # rad, body angle that the suspension gains do not explain
+    shaken: float  # rad, body angle by the unevenness of the road, at SHAKING_SPEED and faster
     body_gain: float  # -, share of the body angle explained by the suspension gains
     inertia_gain: float  # -, share of the body angle explained by its inertia
     body_time: float  # s
@@ -208,13 +211,14 @@ def process_noise(
     q[W] = dt * (noise.vertical**2 + (noise.vertical_gain * w[1] * x[U]) ** 2)
     q[PHI] = q[THETA] = dt * (noise.gyro**2 + (noise.gyro_cross * w[2]) ** 2)
     share = 1.0 - exp(-2 * dt / noise.body_time)
+    body = noise.body + noise.shaken * sqrt(max(SHAKING_SPEED / max(abs(x[U]), 1.0), 1.0))
     q[EP] = share * (
-        noise.body**2
+        body**2
         + (noise.body_gain * noise.pitch_gain * s[FORWARD]) ** 2
         + (noise.inertia_gain * s[NOSE]) ** 2
     )
     q[ER] = share * (
-        noise.body**2
+        body**2
         + (noise.body_gain * noise.roll_gain * s[LATERAL]) ** 2
         + (noise.inertia_gain * s[LEAN]) ** 2
     )

@@ -31,6 +31,7 @@ from roadlog.estimators.fusion_model import (
     PHI,
     PSI,
     ROWS,
+    SHAKING_SPEED,
     TAU,
     THETA,
     XR,
@@ -54,6 +55,7 @@ UNKNOWN_MOUNTING = 3.0 * DEG  # of an IMU that lies somewhere in the car (sectio
 CROSSFALL = 1.5 * DEG  # sd of a drive's mean bank: what levels an IMU that lies askew
 TURN_TIME = 5.0  # s of a turn, over which an error in proportion to its rate lasts
 UNKNOWN_SIDE = 0.4  # m, sd of the IMU's place across the car where it is not known
+GIVEN_GAIN = 0.08  # share by which a suspension gain of a vehicle file is wrong (section 8.4)
 CONFLICT = 2.0  # sd; a mounting found further from its prior was not mounted as that says
 SAME_GAIN = 0.01  # a roll gradient this near m h / k was computed, not measured
 FAST_GNSS = 5.0  # Hz; slower receivers are of the consumer kind, with a slower and larger error
@@ -88,9 +90,12 @@ class FusionParameters:
     gyro_cross: float = parameter(0.001, "-", "share of the yaw rate in the gyro's other axes")
     body_angle_sd: float = parameter(0.025 * DEG, "rad", "body angle the gains do not explain")
     body_vibration: float = parameter(
-        1.8 * DEG, "rad/(m/s2/sqrt(Hz))", "body angle per vibration of the road"
+        2.5 * DEG, "rad/(m/s2/sqrt(Hz))", "body angle per vibration of the road"
     )
-    body_share: float = parameter(0.08, "-", "body angle, as a share of the explained one")
+    known_body_vibration: float = parameter(
+        0.9 * DEG, "rad/(m/s2/sqrt(Hz))", "the same where the vehicle file knows the springs"
+    )
+    body_share: float = parameter(0.05, "-", "body angle, as a share of the explained one")
     body_inertia_share: float = parameter(
         0.25, "-", "body angle, as a share of the one that its inertia explains"
     )
@@ -173,9 +178,9 @@ def priors(
     mean[MPHI : MPSI + 1], sd[MPHI : MPSI + 1] = mounting.mean, mounting.sd
     sd[KAPPA] = params.speed_scale_sd
     mean[KTHETA], mean[KPHI] = vehicle.pitch_gain, roll_gain(vehicle)
-    sd[KTHETA] = vehicle.source("pitch_gradient").sd or params.pitch_gain_sd
+    sd[KTHETA] = _gain_sd(vehicle, "pitch", mean[KTHETA], params.pitch_gain_sd)
     sd[KSIDE] = params.pitch_side_sd
-    sd[KPHI] = vehicle.source("roll_gradient").sd or params.roll_gain_sd
+    sd[KPHI] = _gain_sd(vehicle, "roll", mean[KPHI], params.roll_gain_sd)
     known = vehicle.source("rear_cornering_stiffness").kind != "default"
     slip = vehicle.mass * vehicle.cg_to_front_axle / vehicle.wheelbase
     mean[KBETA] = slip / vehicle.rear_cornering_stiffness if known else 0.008
@@ -204,6 +209,30 @@ def roll_gain(vehicle: Vehicle) -> float:
     return gain / (1 - G * gain) if abs(gain / of_body - 1) < SAME_GAIN else gain
 
 
+def _gain_sd(vehicle: Vehicle, axis: str, gain: float, unknown: float) -> float:
+    """rad/(m/s2), as the vehicle file says it, or by what gains of a file are worth."""
+    found = vehicle.source(f"{axis}_gradient").sd
+    return found or (GIVEN_GAIN * gain if _knows_springs(vehicle, axis) else unknown)
+
+
+def _knows_springs(vehicle: Vehicle, axis: str) -> bool:
+    names = f"{axis}_gradient", f"{axis}_stiffness"
+    return any(getattr(vehicle, name) is not None for name in names)
+
+
+def _shaken(steps: Steps, vehicle: Vehicle, params: FusionParameters) -> float:
+    """rad/(m/s2/sqrt(Hz)), body angle per vibration, on a road driven at SHAKING_SPEED.
+
+    An uneven road shakes a car by the root of its speed. Bumps as long as the car also rock it,
+    the slower the more of them below the frequencies that count as vibration (`process_noise`).
+    """
+    known = _knows_springs(vehicle, "pitch") and _knows_springs(vehicle, "roll")
+    moving = np.abs(steps.speed[np.isfinite(steps.speed)])
+    usual = max(float(np.median(moving)), 1.0) if len(moving) else SHAKING_SPEED
+    share = params.known_body_vibration if known else params.body_vibration
+    return share * np.sqrt(max(SHAKING_SPEED / usual, 1.0))
+
+
 def know_torque(mean: Floats, P0: Floats, bias: float, sd: float) -> None:
     """Put the accelerometer bias that the wheel torques tell into the prior (section 6)."""
     h = np.zeros(N)
@@ -224,9 +253,10 @@ def noise_of(steps: Steps, vehicle: Vehicle, params: FusionParameters, drive: Dr
         vertical_gain=0.002,
         gyro=params.gyro_noise,
         gyro_cross=params.gyro_cross * np.sqrt(TURN_TIME),
-        gyro_bias=5e-6,
+        gyro_bias=1e-5,
         accel_bias=3e-4,
-        body=params.body_angle_sd + params.body_vibration * rough,
+        body=params.body_angle_sd,
+        shaken=_shaken(steps, vehicle, params) * rough,
         body_gain=params.body_share,
         inertia_gain=params.body_inertia_share,
         body_time=params.body_time,
