@@ -196,21 +196,19 @@ def _given(drive: Drive, vehicle: Vehicle, params: FusionParameters, mounting: M
         rows = tuple(tuple(float(v) for v in row) for row in mounting.rotation)
         drive = corrected(drive, Vehicle().with_values(imu_mount=rows))
     source = speed_source(drive, vehicle)
-    delay = gnss_delay(drive, source)
-    steps = build(drive, vehicle, source, delay, params.speed_sd, params.creep_speed_sd)
+    steps = build(drive, vehicle, source, params.speed_sd, params.creep_speed_sd)
     mean, P0 = priors(vehicle, params, source, mounting)
     torque = torque_bias(drive, vehicle, steps)
     if torque is not None:
         know_torque(mean, P0, *torque)
     steps.starts[:] += mean
     noise = noise_of(steps, vehicle, params, drive)
+    delay = gnss_delay(drive, source)
     if delay:  # behind a speed that may be late itself: the IMU tells by how much
         alone = _beginning(steps)
-        alone = alone._replace(fixes=np.full_like(alone.fixes, np.nan))
         late = float(filtered(alone, noise, P0)[0][_last(alone), TAU])
-        if abs(late) > steps.dt / 2:  # a fix counts at the nearest step
-            steps = with_fixes(steps, drive, source, delay + late)
-            steps.starts[:] += mean
+        delay += late if abs(late) > steps.dt / 2 else 0.0  # a fix counts at the nearest step
+    steps = with_fixes(steps, drive, source, delay)
     return Fit(steps, source, P0, noise, torque is not None, mounting)
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from roadlog.drive import Drive, Samples
 from roadlog.estimators.fusion_model import (
@@ -121,12 +122,13 @@ def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: 
     place = np.stack([np.interp(at, own, east), np.interp(at, own, north)], axis=1)
     height, driven = np.interp(at, own, altitude), np.interp(at, own, path)
     run = np.cumsum(~alive)  # the same number on both sides of no gap
-    tree, at_step, times = cKDTree(place), np.round(at * RATE).astype(np.int64), at.tolist()
+    tree, at_step = cKDTree(place), np.round(at * RATE).astype(np.int64)
+    earlier = np.searchsorted(at, at - REVISIT_TIME)
     kept = 0
     for j, close in _neighbors(tree, place):
-        k, before = at_step[j], times[j] - REVISIT_TIME
-        near = sorted(i for i in close if i >= kept and times[i] < before)
-        if not near or k >= len(time) or not alive[k]:
+        k = at_step[j]
+        near = close[slice(*np.searchsorted(close, (kept, earlier[j])))]
+        if not len(near) or k >= len(time) or not alive[k]:
             continue
         first = at_step[near]
         is_again = (
@@ -142,11 +144,15 @@ def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: 
     return clone
 
 
-def _neighbors(tree: cKDTree, place: Floats) -> Iterator[tuple[int, list[int]]]:
-    """Each place and those around it; in blocks, as a car that stands has thousands around it."""
+def _neighbors(tree: cKDTree, place: Floats) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """Each place and those around it, in their order.
+
+    In blocks, as a car that stands has thousands around it.
+    """
     for start in range(0, len(place), NEIGHBORS_AT_ONCE):
         block = place[start : start + NEIGHBORS_AT_ONCE]
-        yield from enumerate(tree.query_ball_point(block, REVISIT_RADIUS), start)
+        around = tree.query_ball_point(block, REVISIT_RADIUS, return_sorted=True)
+        yield from enumerate((np.array(close, np.int64) for close in around), start)
 
 
 def _place(

@@ -66,11 +66,10 @@ def build(
     drive: Drive,
     vehicle: Vehicle,
     source: SpeedSource,
-    delay: float,
     speed_sd: float,
     creep_sd: float,
 ) -> Steps:
-    """The smoother's inputs. delay: s, of the receiver behind the IMU.
+    """The smoother's inputs, but for fixes (`with_fixes`).
 
     Raises EstimatorError when no second of IMU and speed is there.
     """
@@ -118,17 +117,25 @@ def build(
         antenna=_antenna(vehicle),
         height=height,
     )
-    return with_fixes(steps, drive, source, delay)
+    return steps._replace(starts=np.array([_start(run, steps, shown) for run in runs(alive)]))
 
 
 def with_fixes(steps: Steps, drive: Drive, source: SpeedSource, delay: float) -> Steps:
-    """The same with a receiver `delay` s behind the IMU, and states to begin with by its fixes."""
+    """The same with the fixes of a receiver `delay` s behind the IMU, and a barometer's."""
     time = grid(drive)
     fixes, fixes_sd = fixes_of(drive, time, source, delay)
     clone = revisits(drive, time, steps.alive, fixes, fixes_sd)
-    shown = interpolated(source, time)
-    starts = [_start(run, steps, shown, fixes) for run in runs(steps.alive)]
-    return steps._replace(fixes=fixes, fixes_sd=fixes_sd, clone=clone, starts=np.array(starts))
+    starts = steps.starts.copy()
+    for x, run in zip(starts, runs(steps.alive), strict=True):
+        there = np.flatnonzero(np.isfinite(fixes[run, EAST]))
+        if len(there):
+            first = there[0]
+            course = np.arctan2(fixes[run, NORTH][first], fixes[run, EAST][first])
+            x[PSI] = course - steps.rate[run, 2][: first + 1].sum() * steps.dt
+        there = np.flatnonzero(np.isfinite(fixes[run, ALTITUDE]))
+        if len(there):
+            x[H] = fixes[run, ALTITUDE][there[0]]
+    return steps._replace(fixes=fixes, fixes_sd=fixes_sd, clone=clone, starts=starts)
 
 
 def _sway(point: Floats, vehicle: Vehicle) -> Floats:
@@ -314,7 +321,7 @@ def _standstill(speed: Floats, point: Floats, alive: Bools) -> Bools:
     return still
 
 
-def _start(run: slice, steps: Steps, speed: Floats, fixes: Floats) -> Floats:
+def _start(run: slice, steps: Steps, speed: Floats) -> Floats:
     """The moving states at the beginning of a run of the IMU (section 7)."""
     x = np.zeros(N)
     head = slice(run.start, min(run.stop, run.start + round(START * RATE)))
@@ -326,13 +333,4 @@ def _start(run: slice, steps: Steps, speed: Floats, fixes: Floats) -> Floats:
     turning = v.mean() * steps.rate_at[head, 2].mean() if len(known) else 0.0
     x[THETA] = np.arcsin(np.clip((steps.force_at[head, 0].mean() - change) / G, -0.7, 0.7))
     x[PHI] = np.arcsin(np.clip((steps.force_at[head, 1].mean() - turning) / G, -0.7, 0.7))
-    turned = np.cumsum(steps.rate[run, 2]) * steps.dt
-    there = np.flatnonzero(np.isfinite(fixes[run, EAST]))
-    if len(there):
-        first = there[0]
-        course = np.arctan2(fixes[run, NORTH][first], fixes[run, EAST][first])
-        x[PSI] = course - turned[first]
-    there = np.flatnonzero(np.isfinite(fixes[run, ALTITUDE]))
-    if len(there):
-        x[H] = fixes[run, ALTITUDE][there[0]]
     return x

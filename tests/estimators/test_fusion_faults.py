@@ -191,7 +191,7 @@ def test_torques_tell_the_bias(bends: Simulation) -> None:
     assert (figures["grade"].rmse_deg or 1) < (without["grade"].rmse_deg or 0)
     assert (figures["grade"].within_2sd or 0) > 0.95
     source = speed_source(drive, bends.vehicle)
-    steps = build(drive, bends.vehicle, source, 0.0, 0.15, 0.3)
+    steps = build(drive, bends.vehicle, source, 0.15, 0.3)
     assert torque_bias(drive, Vehicle(), steps) is None  # the mass is not known
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from roadlog.drive import Drive
 from roadlog.estimators import fusion_model as model
-from roadlog.estimators.fusion_inputs import build
+from roadlog.estimators.fusion_inputs import build, with_fixes
 from roadlog.estimators.fusion_model import N, Noise, Steps
 from roadlog.estimators.fusion_priors import FusionParameters, mounting_prior, noise_of, priors
 from roadlog.estimators.fusion_speed import speed_source
@@ -21,7 +21,8 @@ def inputs(hill_drive: Drive) -> tuple[Steps, Noise, Floats]:
     """Steps with every row at K, the noise, and a state far from zero in every component."""
     vehicle, params = Vehicle(), FusionParameters()
     source = speed_source(hill_drive, vehicle)
-    steps = build(hill_drive, vehicle, source, 0.0, params.speed_sd, params.creep_speed_sd)
+    steps = build(hill_drive, vehicle, source, params.speed_sd, params.creep_speed_sd)
+    steps = with_fixes(steps, hill_drive, source, 0.0)
     mean, P0 = priors(vehicle, params, source, mounting_prior(vehicle, params))
     noise = noise_of(steps, vehicle, params, hill_drive)
     steps.fixes[K] = 3.0, -8.0, 0.4, 2.0, 1.0, 0.1, 1.5, 0.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from roadlog.drive import Drive
-from roadlog.estimators.fusion_inputs import build
+from roadlog.estimators.fusion_inputs import build, with_fixes
 from roadlog.estimators.fusion_model import BA, BAROMETER, CLOSURE, ROWS, N, Noise, Steps
 from roadlog.estimators.fusion_priors import FusionParameters, mounting_prior, noise_of, priors
 from roadlog.estimators.fusion_smoother import PIECE, prediction, residual_row, smooth
@@ -20,7 +20,8 @@ def problem(hill_drive: Drive) -> tuple[Steps, Noise, Floats]:
     """Six seconds with climb and two altitudes now and then, and a place seen again."""
     vehicle, params = Vehicle(), FusionParameters()
     source = speed_source(hill_drive, vehicle)
-    steps = build(hill_drive, vehicle, source, 0.0, params.speed_sd, params.creep_speed_sd)
+    steps = build(hill_drive, vehicle, source, params.speed_sd, params.creep_speed_sd)
+    steps = with_fixes(steps, hill_drive, source, 0.0)
     mean, P0 = priors(vehicle, params, source, mounting_prior(vehicle, params))
     noise = noise_of(steps, vehicle, params, hill_drive)
     steps.starts[:] += mean
