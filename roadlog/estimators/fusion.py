@@ -72,7 +72,7 @@ from roadlog.estimators.fusion_priors import (
     noise_of,
     priors,
 )
-from roadlog.estimators.fusion_smoother import Smoothed, filtered, smooth
+from roadlog.estimators.fusion_smoother import OWN, Smoothed, filtered, smooth
 from roadlog.estimators.fusion_speed import SpeedSource, gnss_delay, speed_source
 from roadlog.estimators.fusion_torque import torque_bias
 from roadlog.filters import Engine
@@ -141,7 +141,8 @@ def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Eng
         _given(drive, vehicle, params, mounting_prior(vehicle, params)), drive, vehicle, params
     )
     steps, source, P0 = fit.steps, fit.source, fit.P0
-    result = smooth(steps, fit.noise, P0, 1, engine, params.smooth)
+    at = smooth(_beginning(steps), fit.noise, P0, OWN, engine).x if params.smooth else OWN
+    result = smooth(steps, fit.noise, P0, at, engine, params.smooth)
     angles, variance = _angles(fit, result, params)
     time = grid(drive)
     shape = np.sqrt(result.shape_variance)

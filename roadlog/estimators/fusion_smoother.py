@@ -33,6 +33,7 @@ from roadlog.estimators.fusion_outputs import variances
 from roadlog.filters import Engine
 from roadlog.types import Floats
 
+OWN = np.empty((0, N))  # linearise at the filter's own states
 PIECE = 128  # steps between two checkpoints; covariances of one piece (0.7 MB) stay in the cache
 
 
@@ -56,24 +57,21 @@ def smooth(
     steps: Steps,
     noise: Noise,
     P0: Floats,
-    passes: int = 1,
+    at: Floats = OWN,
     engine: Engine = "compiled",
     look_ahead: bool = True,
 ) -> Smoothed:
     """All states from all measurements. P0 (29, 29): before the first step.
 
-    passes: every pass after the first one linearises at the result of the one before (iterated
-    smoother). look_ahead: without it each step's states are the filter's, from the past alone.
+    at (m, 29): states of an earlier run, at which the first m steps are linearised (iterated
+    smoother); the others are at the filter's own. look_ahead: without it each step's states are
+    the filter's, from the past alone.
     """
     if engine == "reference":
         from roadlog.estimators.fusion_reference import rauch_tung_striebel as run
     else:
         run = _bryson_frazier
-    at = np.empty((0, N))  # empty: linearise at the filter's own states
-    for _ in range(passes):
-        result = Smoothed(*run(steps, noise, P0, at, look_ahead))
-        at = result.x
-    return result
+    return Smoothed(*run(steps, noise, P0, at, look_ahead))
 
 
 @njit(cache=True)
@@ -93,12 +91,12 @@ def prediction(
     k: int, x: Floats, steps: Steps, noise: Noise, at: Floats, F: Floats, q: Floats
 ) -> Floats:
     """States predicted for k + 1 from those of k; F and the diagonal of Q go into F and q."""
-    point = x if len(at) == 0 else at[k]
+    point = at[k] if k < len(at) else x
     force, rate, clone = steps.force[k], steps.rate[k], steps.clone[k + 1]
     transition(point, rate, steps.dt, noise, clone, F)
     process_noise(point, force, rate, steps.sway[k], steps.dt, noise, q)
     y = propagate(point, force, rate, steps.dt, noise, clone)
-    if len(at):
+    if k < len(at):
         y += _times(F, x - point)
     return y
 
@@ -108,7 +106,7 @@ def residual_row(
     kind: int, k: int, x: Floats, steps: Steps, noise: Noise, at: Floats, h: Floats
 ) -> tuple[float, float, float]:
     """`row` at the filter's states, or linearised at those of the pass before."""
-    if len(at) == 0:
+    if k >= len(at):
         residual, sd, gate = row(kind, k, x, steps, noise, h)
         return residual, sd * noise.scale[kind], gate
     residual, sd, gate = row(kind, k, at[k], steps, noise, h)
@@ -300,10 +298,10 @@ def filtered(steps: Steps, noise: Noise, P0: Floats) -> tuple[Floats, Floats]:
     n = len(steps.speed)
     piece = _empty_piece()
     xs, innovations = np.full((n, N), np.nan), np.full((n, ROWS), np.nan)
-    x, P, at = steps.starts[0].copy(), P0.copy(), np.empty((0, N))
+    x, P = steps.starts[0].copy(), P0.copy()
     for first in range(0, n, PIECE):
         last = min(n, first + PIECE)
-        x = _forward(first, last, x, P, steps, noise, P0, at, piece)
+        x = _forward(first, last, x, P, steps, noise, P0, OWN, piece)
         for k in range(first, last):
             m = k - first
             if steps.alive[k]:
