@@ -83,7 +83,7 @@ from roadlog.vehicle import Vehicle
 DEG = np.pi / 180
 SMALL_MOUNTING = 1.0 * DEG  # beyond this the IMU is turned and smoothed again (section 7)
 MAX_ROUNDS = 4  # of adapting
-LEARNING = 900.0  # s of driving in which noise and mounting show; more costs time and tells little
+LEARNING = 600.0  # s of driving in which noise and mounting show; more costs time and tells little
 SPEED_GAP = 3.0  # s without speed, flagged (section 7)
 SETTLE = 2.0  # s at the ends of a run of the IMU, flagged
 LINEAR_TIRES = 5.0  # m/s2 of lateral specific force, beyond which tires are not linear
