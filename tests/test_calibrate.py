@@ -1,6 +1,7 @@
 """Self-calibration on drives whose mounting, delays, scale and car are known."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -120,6 +121,25 @@ def test_a_full_car_in_curves() -> None:
     assert abs((found.vehicle.imu_position or (9.0,))[0] - place[0]) < 0.3
 
 
+@pytest.mark.parametrize("ahead", [-0.8, 0.8])
+def test_an_antenna_elsewhere_does_not_turn_the_imu(ahead: float) -> None:
+    """On a circle its course is off by its distance ahead of the IMU over the radius: 1.5 deg."""
+    overrides = {
+        "imu.position": (ahead, 0.2, 0.1),
+        "imu.misalignment_deg": (0.0, 0.0, 0.0),
+        "gnss.two_antennas": False,
+    }
+    simulation = simulate("ryu2004-laps-var", seed=11, full=True, overrides=overrides)
+    rotation = Rotation.random(random_state=12).as_matrix()
+    drive = Drive.from_tables(turned(simulation.tables, rotation))
+    found = calibrate({"laps": drive}, Vehicle())
+    error = away(found, rotation)
+    for axis, name in ((1, "mounting_pitch"), (2, "mounting_yaw")):
+        sd = found.findings[name].sd or 0.0
+        assert abs(error[axis]) < 2.0 * sd, name
+    assert abs(np.degrees(error[2])) < 0.6
+
+
 def test_slalom_tells_the_roll_gradient() -> None:
     """Within 2 % of what the truth's own roll says: more than the data sheet's, which is of slow
     circles; the car leans further in a slalom.
@@ -137,6 +157,28 @@ def test_slalom_tells_the_roll_gradient() -> None:
     response = float(force @ band_passed(roll, band, drive.rate) / (force @ force))
     value = finding.value or 0.0
     assert value * (1 - G * value) == pytest.approx(response, rel=0.02)
+
+
+def test_mass_and_rolling_resistance_from_torques() -> None:
+    """In town, where the engine's inertia in low gears counts as 3 to 6 % of the car."""
+    car = Vehicle.preset("wagon").with_values(mass=1500.0)
+    overrides = {"can.drive_gain": 1.0, "imu.accel_bias": (0.03, 0.0, 0.0), "duration": 150.0}
+    simulation = simulate("city", seed=3, vehicle=car, overrides=overrides)
+    sheet = Vehicle().with_values(
+        wheel_radius=car.wheel_radius, final_drive=car.final_drive, engine_inertia=0.18
+    )
+    drive = Drive.from_tables(simulation.tables)
+    found = calibrate({"town": drive}, sheet).findings
+    assert found["mass"].value == pytest.approx(1500.0, rel=0.015)
+    rolling = found["rolling_resistance"]
+    assert rolling.identifiable
+    assert rolling.value == pytest.approx(0.011, abs=2.0 * (rolling.sd or 0.0))
+    # what the torque signal's own scale may be is in the standard error
+    assert (found["mass"].sd or 0.0) > 0.05 * 1500.0
+    # without the gears the engine's inertia is taken for weight
+    tables = [t for t in simulation.tables if t.topic != "/powertrain"]
+    gearless = calibrate({"town": Drive.from_tables(tables)}, sheet).findings["mass"]
+    assert gearless.value == pytest.approx(1500.0, abs=1.0 * (gearless.sd or 0.0))
 
 
 def test_what_was_applied_before_is_found_anew() -> None:
@@ -184,6 +226,10 @@ def test_drives_are_combined_by_inverse_variance() -> None:
     assert apart.sd == pytest.approx(0.1, rel=0.01)  # Birge: as far as they are apart
     assert "disagree" in apart.evidence
     assert combined([hidden, hidden]).reason == "too slow"
+    assumed = [replace(at(value, 1.5), reason="looks like the road") for value in (-1.0, 0.2)]
+    roll = combined([*assumed, hidden])
+    assert (roll.value, roll.sd) == (pytest.approx(-0.4), 1.5)
+    assert not roll.identifiable
 
 
 def test_jackknife_is_the_spread_of_a_mean() -> None:
@@ -241,11 +287,12 @@ def comma_as_recorded() -> Profile:
     return Profile.from_toml("\n".join(lines), "comma2k19 as recorded")
 
 
-def test_comma2k19_mounting(shared: Path) -> None:
+@pytest.mark.parametrize("without", [(), ("/gnss",)])
+def test_comma2k19_mounting(shared: Path, without: tuple[str, ...]) -> None:
     """A minute that never stops and hardly turns; documented mounting in the shipped profile."""
     documented = Profile.load("comma2k19").mounts["imu"]
     result = ingest([shared / "comma2k19"], comma_as_recorded())
-    drive = Drive.from_tables(result.tables)
+    drive = Drive.from_tables(t for t in result.tables if t.topic not in without)
     found = calibrate({"comma": drive}, Vehicle())
     error = vector_of(found.rotation @ documented.T)
     for k, name in enumerate(TURNS):
@@ -255,4 +302,4 @@ def test_comma2k19_mounting(shared: Path) -> None:
     grade = np.interp(truth.time, drive.time_ns, estimate.grade)
     late = truth.time > truth.time[0] + 5e9
     spread = np.degrees(np.nanstd((grade - truth.columns["grade"])[late]))
-    assert spread < 0.16  # the issue asks for 0.18; 0.142 with u-blox
+    assert spread < 0.16  # the issue asks for 0.18; 0.146 with u-blox, 0.152 without

@@ -42,11 +42,18 @@ def combined(findings: Sequence[Finding]) -> Finding:
     """One finding from those of several drives, by inverse variance.
 
     Drives that do not show the constant do not count. When the others scatter more than their
-    standard errors allow, the result's grows by Birge's ratio and the evidence says so.
+    standard errors allow, the result's grows by Birge's ratio and the evidence says so. What no
+    drive shows is taken to be the mean of what they assume, which is no better known than the best:
+    most roads fall to the same side.
     """
     known = [f for f in findings if f.identifiable]
     if not known:
-        return min(findings, key=lambda f: np.inf if f.sd is None else f.sd)
+        best = min(findings, key=lambda f: np.inf if f.sd is None else f.sd)
+        assumed = [(f.value, f.sd) for f in findings if f.value is not None and f.sd is not None]
+        if not assumed:
+            return best
+        values, sds = np.array(assumed, np.float64).T
+        return replace(best, value=float(np.average(values, weights=sds**-2.0)))
     values = np.array([f.value for f in known], np.float64)
     sds = np.array([f.sd for f in known], np.float64)
     drives = tuple(zip(values.tolist(), sds.tolist(), strict=True))

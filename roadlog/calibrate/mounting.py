@@ -32,6 +32,7 @@ NEAR_DELAY = 0.12  # s, around the first answer, in which the delay is looked fo
 ROUNDS = 6  # of up and forward in turn; each reduces the error of up by more than a half
 MIN_MOVING = 10.0  # s
 MIN_DELAY = 20.0  # s of moving, below which the speed is taken to be on time
+BRAKING = 0.05  # m/s2 rms of dv/dt in the band, without which a delay does not show
 UPRIGHT = np.radians(20.0)  # axes as they are may be vehicle axes when z is this near to up
 MAX_GRAVITY_ERROR = 0.1  # share of g by which the mean specific force may be off
 
@@ -112,7 +113,8 @@ def coarse(drive: Drive) -> Coarse:
     near: Floats = delays[np.abs(delays - best.delay) < NEAR_DELAY]
     best = _forward(force, rate, speed, moving, up, near, drive)
     if best.coherence >= COHERENCE and best.yaw_sd < YAW_SD:
-        return best if tells_delay else replace(best, delay=np.nan)
+        told = tells_delay and best.braking > BRAKING
+        return best if told else replace(best, delay=np.nan)
     if up[2] < np.cos(UPRIGHT):
         raise EstimatorError(
             f"cannot calibrate: which way the IMU points does not show. Its horizontal "
