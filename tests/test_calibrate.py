@@ -202,6 +202,36 @@ def test_steady_driving_does_not_tell_forward() -> None:
         calibrate({"steady": drive}, Vehicle())
 
 
+def reversed_accelerations(tables: list[Table]) -> list[Table]:
+    """The log of a device that reports gravity for specific force, as iOS does."""
+    result = []
+    for source in tables:
+        signs = {"accel_x": -1.0, "accel_y": -1.0, "accel_z": -1.0}
+        columns = {name: signs.get(name, 1.0) * v for name, v in source.columns.items()}
+        result.append(Table(source.topic, source.schema, source.time, columns))
+    return result
+
+
+def test_gravity_for_specific_force_is_refused(roadlog: Run, tmp_path: Path) -> None:
+    """However it is mounted; as long as the track or the wheels tell left from right."""
+    simulation = simulate("city", seed=4, overrides={"duration": 100.0})
+    tables = turned(simulation.tables, Rotation.random(random_state=3).as_matrix())
+    for source in ("/gnss", "/wheel_speeds"):
+        kept = [t for t in tables if t.topic in ("/imu", source)]
+        calibrate({"right": Drive.from_tables(kept)}, Vehicle())
+        with pytest.raises(EstimatorError, match="three signs are reversed, as on iOS"):
+            calibrate({"ios": Drive.from_tables(reversed_accelerations(kept))}, Vehicle())
+    log, out = tmp_path / "ios.mcap", tmp_path / "car.toml"
+    create(log, reversed_accelerations(tables))
+    refused = roadlog("calibrate", log, "-o", out)
+    assert refused.returncode == 1
+    assert len(refused.stderr.splitlines()) == 1
+    assert "scale = -1.0 in the profile" in refused.stderr
+    assert not out.exists()
+    said = roadlog("info", log).stdout
+    assert "all signs are reversed, as on iOS; give all three scale = -1.0" in said
+
+
 def test_too_short_and_too_little_is_said() -> None:
     tables = hill_tables(8.0)
     with pytest.raises(EstimatorError, match=r"moves for 8 s only"):

@@ -92,6 +92,7 @@ def calibrate_drive(drive: Drive, vehicle: Vehicle) -> DriveCalibration:
     if needed:
         raise EstimatorError(f"cannot calibrate: the drive has no {', no '.join(needed)}")
     start = mounting.coarse(drive)
+    mounting.refuse_mirrored(drive, start.rotation[2])
     source = drive.sources_of_speed()[0]
     late = {"gnss" if source == "gnss" else "car": float(np.nan_to_num(start.delay))}
     rotation, car, delay_sd = start.rotation, vehicle, DELAY_SD

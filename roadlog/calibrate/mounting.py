@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from roadlog.calibrate.finding import jackknife
+from roadlog.checks.axes import yaw_rates
+from roadlog.checks.evidence import AXES, Evidence, correlation
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
 from roadlog.filters.kernels import odd_window, slope
@@ -33,6 +35,7 @@ ROUNDS = 6  # of up and forward in turn; each reduces the error of up by more th
 MIN_MOVING = 10.0  # s
 MIN_DELAY = 20.0  # s of moving, below which the speed is taken to be on time
 BRAKING = 0.05  # m/s2 rms of dv/dt in the band, without which a delay does not show
+CLEAR = 0.5  # correlation from which a source says which way the car turns
 UPRIGHT = np.radians(20.0)  # axes as they are may be vehicle axes when z is this near to up
 MAX_GRAVITY_ERROR = 0.1  # share of g by which the mean specific force may be off
 
@@ -126,6 +129,29 @@ def coarse(drive: Drive) -> Coarse:
     left = _unit(np.cross(up, [1.0, 0.0, 0.0]))
     rotation = np.stack([np.cross(left, up), left, up])
     return Coarse(rotation, np.nan, np.inf, best.coherence, best.braking, best.turning)
+
+
+def refuse_mirrored(drive: Drive, up: Floats) -> None:
+    """Raises EstimatorError when the car turns left about `up` where the log says right.
+
+    Forces, speed and gyro fit a drive seen in a mirror as well: accelerometers with all three signs
+    reversed look like an IMU that hangs upside down and backward. Only what knows left from right
+    tells: the track, the wheels of an axle, the steering.
+    """
+    seen = Evidence.of(drive)
+    rate = sum(up[k] * seen[f"imu.gyro_{axis}"] for k, axis in enumerate(AXES))
+    speed = next(iter(seen.speeds().values()))
+    said = {
+        name: correlation(seen.band(rate), turn, seen.rate)[0]
+        for name, turn in yaw_rates(seen, speed).items()
+    }
+    clear = {name: r for name, r in said.items() if abs(r) > CLEAR}
+    if clear and max(clear.values()) < 0:
+        raise EstimatorError(
+            f"cannot calibrate: if gravity is right, the gyro turns right where the car turns left "
+            f"by its {' and '.join(clear)}: the accelerometer's three signs are reversed, as on "
+            f"iOS. Give accel_x, accel_y and accel_z scale = -1.0 in the profile, and ingest again"
+        )
 
 
 def _forward(

@@ -71,11 +71,20 @@ def _axes(state: motion.Motion) -> None:
         _mount(state, best, mean)
     if best.reversed == ("imu.accel",):
         roles = tuple(f"imu.accel_{axis}" for axis in AXES)
+        hanging = next((e for e in rivals if not e.reversed), None)
+        if hanging is None:
+            found, other = "gravity reads down where the gyro says up", ""
+        else:
+            found = "gravity reads down"
+            other = (
+                f" (or else the sensor hangs upside down and backward, mount = {hanging.toml()}: "
+                f"nothing in the log tells left from right)"
+            )
         state.add(
             "sign",
             roles,
-            "gravity reads down where the gyro says up: all signs are reversed, as on iOS",
-            "give all three scale = -1.0",
+            f"{found}: all signs are reversed, as on iOS",
+            f"give all three scale = -1.0{other}",
             -1.0,
         )
     elif best.reversed:

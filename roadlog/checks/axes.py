@@ -103,7 +103,7 @@ class _Pairs:
         dv = e.slope(speed)
         self.dv, self.ddv = e.band(dv), e.band(e.slope(dv)) / G
         self.forward = self._direction(self.accel, self.dv)
-        self.yaw = {name: self._direction(self.gyro, t) for name, t in _yaw(e, speed).items()}
+        self.yaw = {name: self._direction(self.gyro, t) for name, t in yaw_rates(e, speed).items()}
         self.known: dict[tuple, float] = {}
 
     def score(self, candidate: Explanation) -> float:
@@ -150,7 +150,7 @@ class _Pairs:
         return share / length * np.abs(r).max() if length > 0 else np.zeros(3)
 
 
-def _yaw(e: Evidence, speed: Floats) -> dict[str, Floats]:
+def yaw_rates(e: Evidence, speed: Floats) -> dict[str, Floats]:
     """Yaw rate in the band, up to a scale, by everything but the gyro."""
     found = {}
     if e.course_rate is not None:
