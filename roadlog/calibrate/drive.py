@@ -14,7 +14,7 @@ from roadlog.calibrate import gains, mass, mounting, speeds, tires
 from roadlog.calibrate.finding import Finding, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.correction import corrected
-from roadlog.drive import Drive, Samples, nan_mean
+from roadlog.drive import Drive, nan_mean
 from roadlog.errors import EstimatorError
 from roadlog.estimate import Estimate
 from roadlog.estimators.fusion_inputs import DASHBOARD_HEIGHT
@@ -40,7 +40,6 @@ WORTH_PLACE, PLACE_FLOOR = 0.3, 0.03  # m
 ACCEL_FLOOR, GYRO_FLOOR = 0.01, 0.01 * DEG  # m/s2, rad/s: biases wander by this in a drive
 STRAINED = 0.1  # m/s2; an accelerometer bias beyond may as well be a wrong mounting
 STANCE_SD = 0.05 * DEG  # of the body's mean pitch in a drive: a driver leans it by as much
-SWINGING = 0.03  # rad/s; beyond, an antenna of unknown place does not move as the IMU does
 UNSETTLED = 1.0  # share of the last change that a mounting which does not settle is uncertain by
 ARM_UNKNOWN = 0.03  # m/s2, section 10.4: curve-derived biases with unknown lever arms
 DRIVEN_SLIP, DRIVEN_GATE = 0.002, 4.0  # s2/m, sd: slip beyond both is that of a driven axle
@@ -158,27 +157,9 @@ def _mounted(vehicle: Vehicle, rotation: Floats, late: dict[str, float]) -> Vehi
 
 def _smoothed(drive: Drive, vehicle: Vehicle, prior: float, delay_sd: float) -> Estimate:
     """The smoother over a corrected drive, with wide priors."""
-    placed = vehicle.imu_position is not None and vehicle.antenna_position is not None
-    if "gnss" in drive.native and not placed:
-        drive = _straight_courses(drive)
     plain = replace(vehicle, imu_mount=None, speed_delay=0.0, gnss_delay=0.0)
     settings = {"mounting_sd": prior, "speed_delay_sd": delay_sd}
     return estimators.run("fusion", drive, plain, settings)
-
-
-def _straight_courses(drive: Drive) -> Drive:
-    """The drive without the receiver's course where the car turns.
-
-    There an antenna a meter ahead of the IMU moves sideways by a meter times the yaw rate; on a
-    circle that looks like an IMU turned by a meter over the radius, which is no noise.
-    """
-    samples = drive.native["gnss"]
-    if "course" not in samples.columns:
-        return drive
-    rate = np.interp(samples.time, drive.time, filled(drive["imu.gyro_z"]))
-    course = np.where(np.abs(rate) < SWINGING, samples.columns["course"], np.nan)
-    straight = Samples(samples.time, {**samples.columns, "course": course})
-    return replace(drive, native={**drive.native, "gnss": straight})
 
 
 def _relieve(constants: dict[str, float]) -> None:

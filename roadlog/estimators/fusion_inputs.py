@@ -54,6 +54,7 @@ RATE_WINDOW = 0.11  # s, for the derivative of the gyro
 STILL_SPEED, STILL_TIME = 0.06, 0.3  # m/s, s to either side
 STILL_GYRO, STILL_ACCEL = 0.003, 0.03  # rad/s, m/s2, floor of the quiet peak-to-peak
 QUIET_PERCENTILE, QUIET_FACTOR = 29, 3
+SWINGING = 0.03  # rad/s; beyond, an antenna a meter away moves sideways by more than its noise
 CREEP = 1.0  # m/s, below this unsigned wheel sensors say little
 
 
@@ -124,6 +125,8 @@ def with_fixes(steps: Steps, drive: Drive, source: SpeedSource, delay: float) ->
     """The same with the fixes of a receiver `delay` s behind the IMU, and a barometer's."""
     time = grid(drive)
     fixes, fixes_sd = fixes_of(drive, time, source, delay)
+    if not steps.antenna.any():  # its place is not known, and no noise in a curve
+        fixes[np.abs(steps.rate_at[:, 2]) > SWINGING, EAST : NORTH + 1] = np.nan
     clone = revisits(drive, time, steps.alive, fixes, fixes_sd)
     starts = steps.starts.copy()
     for x, run in zip(starts, runs(steps.alive), strict=True):

@@ -95,6 +95,22 @@ def test_gnss_makes_the_offset_known() -> None:
     assert helped.grade_sd.mean() < 0.5 * alone.grade_sd.mean()
 
 
+@pytest.mark.parametrize("ahead", [-0.8, 0.8])
+def test_an_antenna_elsewhere_does_not_tilt_the_imu(ahead: float) -> None:
+    """In a slalom its course swings otherwise than the IMU's: nothing to bend the mounting for."""
+    overrides = {
+        "imu.position": (ahead, 0.2, 0.1),
+        "imu.misalignment_deg": (0.0, 0.0, 0.0),
+        "gnss.two_antennas": False,
+    }
+    tables = simulate("ryu2004-slalom", seed=11, overrides=overrides).tables
+    estimate, drive = run(tables, Vehicle())
+    assert (metrics(tables, estimate, drive, "grade").rmse_deg or 1) < 0.045
+    found = estimate.details["constants"].columns
+    for name in ("mounting_pitch", "mounting_yaw"):
+        assert abs(found[name][0]) < 2.0 * found[f"{name}_sd"][0], name
+
+
 def test_shape_is_better_known_than_the_mean(hill_drive: Drive) -> None:
     estimate = estimators.run("fusion", hill_drive, RIGID)
     shape = estimate.details["shape"].columns["grade_shape_sd"]
