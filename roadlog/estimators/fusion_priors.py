@@ -79,7 +79,7 @@ class FusionParameters:
     pitch_side_sd: float = parameter(
         0.0004, "rad/(m/s2)", "prior of the pitch gain's excess when driving over braking"
     )
-    roll_gain_sd: float = parameter(0.0015, "rad/(m/s2)", "prior")
+    roll_gain_sd: float = parameter(0.002, "rad/(m/s2)", "prior; cars roll 3 to 7 deg/g")
     load_pitch_sd: float = parameter(
         0.0, "rad", "prior of the body's pitch by load; 0: pitch is against the unmoving body"
     )
