@@ -1,0 +1,134 @@
+"""What `fusion` must not assume: a prior on how a road bends explains the springs (A9).
+
+A plain filter and smoother in NumPy over the model's own functions, with one state more: the road's
+angle, which walks at random. `fusion` itself has no such state.
+"""
+
+import numpy as np
+import pytest
+
+from roadlog.drive import Drive
+from roadlog.estimators.fusion_inputs import build, grid, with_fixes
+from roadlog.estimators.fusion_model import (
+    BA,
+    EP,
+    ER,
+    FORWARD,
+    KPHI,
+    KSIDE,
+    KTHETA,
+    LATERAL,
+    MPHI,
+    MTHETA,
+    PHI,
+    ROWS,
+    THETA,
+    UNSIGNED,
+    N,
+    body_pitch,
+    body_roll,
+    process_noise,
+    propagate,
+    row,
+    transition,
+)
+from roadlog.estimators.fusion_priors import FusionParameters, mounting_prior, noise_of, priors
+from roadlog.estimators.fusion_smoother import soft_variance
+from roadlog.estimators.fusion_speed import speed_source
+from roadlog.signals import TRUTH_TOPIC
+from roadlog.simulate import Simulation, simulate
+from roadlog.types import Floats
+from roadlog.units import STANDARD_GRAVITY as G
+from roadlog.vehicle import Vehicle
+
+FREE = np.radians(50.0)  # rad/sqrt(s), of a road that may do what it likes
+TIGHT = np.radians(0.02)  # rad, between the road's state and what the others make of it
+
+
+def road(angle: str, x: Floats, s: Floats) -> tuple[float, Floats]:
+    """The road's angle by the states of `fusion`, and its derivatives."""
+    h = np.zeros(N + 1)
+    if angle == "grade":
+        h[[THETA, MTHETA, EP, KSIDE]] = 1.0, -1.0, -1.0, -s[UNSIGNED]
+        h[KTHETA] = -(s[FORWARD] - x[BA] - G * x[MTHETA])
+        return x[THETA] - body_pitch(x, s), h
+    h[[PHI, MPHI, ER]] = 1.0, -1.0, -1.0
+    h[KPHI] = -(s[LATERAL] - x[BA + 1] - G * x[MPHI])
+    return x[PHI] - body_roll(x, s), h
+
+
+def walked(
+    simulation: Simulation, vehicle: Vehicle, angle: str, walk: float
+) -> tuple[float, Floats]:
+    """Std of the angle's error, deg, and all states, where it walks by `walk` rad/sqrt(s)."""
+    tables = [t for t in simulation.tables if t.topic in ("/imu", "/wheel_speeds")]
+    drive, params = Drive.from_tables(tables), FusionParameters()
+    source = speed_source(drive, vehicle)
+    steps = build(drive, vehicle, source, params.speed_sd, params.creep_speed_sd)
+    steps = with_fixes(steps, drive, source, 0.0)
+    mean, P0 = priors(vehicle, params, source, mounting_prior(vehicle, params))
+    noise = noise_of(steps, vehicle, params, drive)
+    x, P = np.append(steps.starts[0] + mean, 0.0), np.zeros((N + 1, N + 1))
+    P[:N, :N], P[N, N] = P0, np.radians(10.0) ** 2
+    F, q, h = np.eye(N + 1), np.zeros(N), np.zeros(N)
+    passed = []
+    for k in range(len(steps.speed)):
+        if k:
+            force, rate, s = steps.force[k - 1], steps.rate[k - 1], steps.sway[k - 1]
+            jacobian = np.zeros((N, N))
+            transition(x[:N], rate, steps.dt, noise, False, jacobian)
+            process_noise(x[:N], force, rate, s, steps.dt, noise, q)
+            F = np.eye(N + 1)
+            F[:N, :N] = jacobian
+            x = np.append(propagate(x[:N], force, rate, steps.dt, noise, False), x[N])
+            P = F @ P @ F.T + np.diag(np.append(q, walk**2) * np.append(np.ones(N), steps.dt))
+        before = x, P
+        for kind in range(ROWS):
+            residual, sd, gate = row(kind, k, x[:N], steps, noise, h)
+            if np.isfinite(residual):
+                x, P = updated(x, P, residual, np.append(h, 0.0), sd, gate)
+        expected, of_road = road(angle, x[:N], steps.sway[k])
+        of_road[N] = -1.0
+        x, P = updated(x, P, x[N] - expected, of_road, TIGHT, 0.0)
+        passed.append((F, *before, x, P))
+    found = np.empty(len(passed))
+    found[-1] = x[N]
+    for k in range(len(passed) - 1, 0, -1):
+        F, x_before, P_before, _, _ = passed[k]
+        _, _, _, x_after, P_after = passed[k - 1]
+        scale = 1 / np.sqrt(np.diag(P_before) + 1e-30)
+        scaled = P_before * scale[:, None] * scale + 1e-12 * np.eye(N + 1)
+        C = (scale[:, None] * np.linalg.solve(scaled, scale[:, None] * (F @ P_after))).T
+        x = x_after + C @ (x - x_before)
+        found[k - 1] = x[N]
+    truth, time = simulation.table(TRUTH_TOPIC), grid(drive)
+    at = (truth.time - drive.start_ns) * 1e-9
+    counts = (time > at[0] + 5.0) & (time < at[-1] - 1.0)
+    error = (found - np.interp(time, at, truth.columns[angle]))[counts]
+    return float(np.degrees(error.std())), x[:N]
+
+
+def updated(
+    x: Floats, P: Floats, residual: float, h: Floats, sd: float, gate: float
+) -> tuple[Floats, Floats]:
+    spread = h @ P @ h
+    gain = P @ h / (spread + soft_variance(residual, spread, sd, gate))
+    P = P - np.outer(gain, h @ P)
+    return x + gain * residual, 0.5 * (P + P.T)
+
+
+@pytest.mark.parametrize(
+    ("name", "angle", "walk_deg", "gain"),
+    [("luo2024-s2", "grade", 0.25, KTHETA), ("luo2024-s3b", "bank", 0.5, KPHI)],
+)
+def test_a_road_that_walks_at_random_explains_the_springs(
+    name: str, angle: str, walk_deg: float, gain: int
+) -> None:
+    simulation = simulate(name, seed=1, full=True)
+    place = simulation.vehicle.imu_position
+    car = simulation.vehicle if angle == "bank" else Vehicle().with_values(imu_position=place)
+    free, x = walked(simulation, car, angle, FREE)
+    bound, drifted = walked(simulation, car, angle, np.radians(walk_deg))
+    assert free < 0.06
+    assert bound > 1.5 * free
+    assert drifted[gain] > 1.3 * x[gain]
