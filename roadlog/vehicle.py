@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from roadlog import toml
 from roadlog.errors import ConfigError, near
+
+if TYPE_CHECKING:
+    from roadlog.types import Floats
 
 Kind = Literal["given", "calibrated", "preset", "default"]
 Axis = tuple[float, float, float]
@@ -113,6 +116,10 @@ class Vehicle:
         """A copy with some parameters set, and their source noted."""
         marks = {name: Source(kind) for name in values}
         return replace(self, sources={**self.sources, **marks}, **values)
+
+    def mounted(self, rotation: Floats) -> Vehicle:
+        """A copy whose IMU lies so: rows forward, left and up in the IMU's axes, (3, 3)."""
+        return self.with_values(imu_mount=tuple(tuple(float(v) for v in row) for row in rotation))
 
     # What follows from the parameters. ------------------------------------------------------
 

@@ -112,3 +112,12 @@ def hill_log(tmp_path: Path) -> Path:
     path = tmp_path / "hill.mcap"
     create(path, hill_tables())
     return path
+
+
+def antenna_apart(ahead: float) -> dict[str, object]:
+    """Overrides of a scenario: an IMU mounted straight `ahead` m of the CG, one antenna."""
+    return {
+        "imu.position": (ahead, 0.2, 0.1),
+        "imu.misalignment_deg": (0.0, 0.0, 0.0),
+        "gnss.two_antennas": False,
+    }

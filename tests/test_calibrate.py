@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Run, hill_tables, table
+from conftest import Run, antenna_apart, hill_tables, table
 from scipy.spatial.transform import Rotation
 
 from roadlog import estimators
@@ -124,11 +124,7 @@ def test_a_full_car_in_curves() -> None:
 @pytest.mark.parametrize("ahead", [-0.8, 0.8])
 def test_an_antenna_elsewhere_does_not_turn_the_imu(ahead: float) -> None:
     """On a circle its course is off by its distance ahead of the IMU over the radius: 1.5 deg."""
-    overrides = {
-        "imu.position": (ahead, 0.2, 0.1),
-        "imu.misalignment_deg": (0.0, 0.0, 0.0),
-        "gnss.two_antennas": False,
-    }
+    overrides = antenna_apart(ahead)
     simulation = simulate("ryu2004-laps-var", seed=11, full=True, overrides=overrides)
     rotation = Rotation.random(random_state=12).as_matrix()
     drive = Drive.from_tables(turned(simulation.tables, rotation))

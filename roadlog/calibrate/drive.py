@@ -149,9 +149,8 @@ def calibrate_drive(drive: Drive, vehicle: Vehicle) -> DriveCalibration:
 
 
 def _mounted(vehicle: Vehicle, rotation: Floats, late: dict[str, float]) -> Vehicle:
-    rows = tuple(tuple(float(v) for v in row) for row in rotation)
-    return vehicle.with_values(
-        imu_mount=rows, speed_delay=late.get("car", 0.0), gnss_delay=late.get("gnss", 0.0)
+    return vehicle.mounted(rotation).with_values(
+        speed_delay=late.get("car", 0.0), gnss_delay=late.get("gnss", 0.0)
     )
 
 

@@ -72,7 +72,7 @@ from roadlog.estimators.fusion_priors import (
     noise_of,
     priors,
 )
-from roadlog.estimators.fusion_smoother import OWN, Smoothed, filtered, smooth
+from roadlog.estimators.fusion_smoother import OWN_STATES, Smoothed, filtered, smooth
 from roadlog.estimators.fusion_speed import SpeedSource, gnss_delay, speed_source
 from roadlog.estimators.fusion_torque import torque_bias
 from roadlog.filters import Engine
@@ -141,7 +141,11 @@ def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Eng
         _given(drive, vehicle, params, mounting_prior(vehicle, params)), drive, vehicle, params
     )
     steps, source, P0 = fit.steps, fit.source, fit.P0
-    at = smooth(_beginning(steps), fit.noise, P0, OWN, engine).x if params.smooth else OWN
+    at = (
+        smooth(_beginning(steps), fit.noise, P0, OWN_STATES, engine).x
+        if params.smooth
+        else OWN_STATES
+    )
     result = smooth(steps, fit.noise, P0, at, engine, params.smooth)
     angles, variance = _angles(fit, result, params)
     time = grid(drive)
@@ -194,8 +198,7 @@ def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Eng
 def _given(drive: Drive, vehicle: Vehicle, params: FusionParameters, mounting: Mounting) -> Fit:
     """Inputs, priors and noise, with the IMU turned by what is known of its mounting."""
     if not np.array_equal(mounting.rotation, np.eye(3)):
-        rows = tuple(tuple(float(v) for v in row) for row in mounting.rotation)
-        drive = corrected(drive, Vehicle().with_values(imu_mount=rows))
+        drive = corrected(drive, Vehicle().mounted(mounting.rotation))
     source = speed_source(drive, vehicle)
     steps = build(drive, vehicle, source, params.speed_sd, params.creep_speed_sd)
     mean, P0 = priors(vehicle, params, source, mounting)

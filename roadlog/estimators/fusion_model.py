@@ -44,6 +44,7 @@ EAST, NORTH, UP, ALTITUDE, HEADING, ROLL, BAROMETER, CLOSURE = range(8)  # colum
 ROWS = FIX + 8
 # m/s; slower, bumps as long as the car rock it below the frequencies in which vibration is measured
 SHAKING_SPEED = 10.0
+SLOWEST = 1.0  # m/s; slower still, they rock it no more
 FORWARD, LATERAL, TIRE, UNSIGNED, NOSE, LEAN = range(6)  # columns of `sway`
 
 
@@ -211,7 +212,7 @@ def process_noise(
     q[W] = dt * (noise.vertical**2 + (noise.vertical_gain * w[1] * x[U]) ** 2)
     q[PHI] = q[THETA] = dt * (noise.gyro**2 + (noise.gyro_cross * w[2]) ** 2)
     share = 1.0 - exp(-2 * dt / noise.body_time)
-    body = noise.body + noise.shaken * sqrt(max(SHAKING_SPEED / max(abs(x[U]), 1.0), 1.0))
+    body = noise.body + noise.shaken * sqrt(max(SHAKING_SPEED / max(abs(x[U]), SLOWEST), 1.0))
     q[EP] = share * (
         body**2
         + (noise.body_gain * noise.pitch_gain * s[FORWARD]) ** 2

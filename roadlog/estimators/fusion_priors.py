@@ -32,6 +32,7 @@ from roadlog.estimators.fusion_model import (
     PSI,
     ROWS,
     SHAKING_SPEED,
+    SLOWEST,
     TAU,
     THETA,
     XR,
@@ -228,7 +229,7 @@ def _shaken(steps: Steps, vehicle: Vehicle, params: FusionParameters) -> float:
     """
     known = _knows_springs(vehicle, "pitch") and _knows_springs(vehicle, "roll")
     moving = np.abs(steps.speed[np.isfinite(steps.speed)])
-    usual = max(float(np.median(moving)), 1.0) if len(moving) else SHAKING_SPEED
+    usual = max(float(np.median(moving)), SLOWEST) if len(moving) else SHAKING_SPEED
     share = params.known_body_vibration if known else params.body_vibration
     return share * np.sqrt(max(SHAKING_SPEED / usual, 1.0))
 
@@ -253,7 +254,7 @@ def noise_of(steps: Steps, vehicle: Vehicle, params: FusionParameters, drive: Dr
         vertical_gain=0.002,
         gyro=params.gyro_noise,
         gyro_cross=params.gyro_cross * np.sqrt(TURN_TIME),
-        gyro_bias=1e-5,
+        gyro_bias=1e-5,  # 0.005 deg/s in 90 s; section 5 has half of it
         accel_bias=3e-4,
         body=params.body_angle_sd,
         shaken=_shaken(steps, vehicle, params) * rough,

@@ -33,7 +33,7 @@ from roadlog.estimators.fusion_outputs import variances
 from roadlog.filters import Engine
 from roadlog.types import Floats
 
-OWN = np.empty((0, N))  # linearise at the filter's own states
+OWN_STATES = np.empty((0, N))  # linearise at the filter's own states
 PIECE = 128  # steps between two checkpoints; covariances of one piece (0.7 MB) stay in the cache
 
 
@@ -57,7 +57,7 @@ def smooth(
     steps: Steps,
     noise: Noise,
     P0: Floats,
-    at: Floats = OWN,
+    at: Floats = OWN_STATES,
     engine: Engine = "compiled",
     look_ahead: bool = True,
 ) -> Smoothed:
@@ -301,7 +301,7 @@ def filtered(steps: Steps, noise: Noise, P0: Floats) -> tuple[Floats, Floats]:
     x, P = steps.starts[0].copy(), P0.copy()
     for first in range(0, n, PIECE):
         last = min(n, first + PIECE)
-        x = _forward(first, last, x, P, steps, noise, P0, OWN, piece)
+        x = _forward(first, last, x, P, steps, noise, P0, OWN_STATES, piece)
         for k in range(first, last):
             m = k - first
             if steps.alive[k]:

@@ -16,7 +16,6 @@ from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
 from roadlog.reproduce import Claim, Reproduction, ResultTable, Row
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import SCENARIOS, Simulation, simulate
-from roadlog.simulate.imu import ImuSensor
 from roadlog.simulate.sampling import mounting
 from roadlog.storage import Table
 from roadlog.vehicle import Vehicle
@@ -80,22 +79,18 @@ def fusion(seeds: tuple[int, ...] = SEEDS, names: list[str] | None = None) -> Re
 
 def _case(name: str, seeds: tuple[int, ...]) -> Case:
     case = Case(name, SCENARIOS[name].road.roughness > 0, {}, {}, {}, {})
+    misalignment = SCENARIOS[name].sensors.imu.misalignment_deg
     for seed in seeds:
         drive = simulate(name, seed=seed, full=True)
         wheels = [t for t in drive.tables if t.topic in ("/imu", "/wheel_speeds")]
         receiver = [t for t in drive.tables if t.topic in GNSS_TOPICS]
+        mounted = drive.vehicle.mounted(mounting(*np.radians(misalignment)))
         one = wheels + [_one_antenna(table) for table in receiver]
         _run(drive, wheels, drive.vehicle, case.alone)
-        _run(drive, wheels, _mounted(drive.vehicle), case.mounted)
+        _run(drive, wheels, mounted, case.mounted)
         _run(drive, one, drive.vehicle, case.gnss, ["fusion"])
         _run(drive, wheels + receiver, drive.vehicle, case.antennas, ["fusion"])
     return case
-
-
-def _mounted(vehicle: Vehicle) -> Vehicle:
-    """The car whose file knows how the IMU lies in it."""
-    rows = mounting(*np.radians(ImuSensor().misalignment_deg))
-    return vehicle.with_values(imu_mount=tuple(tuple(float(v) for v in row) for row in rows))
 
 
 def _one_antenna(table: Table) -> Table:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import hill_tables, table
+from conftest import antenna_apart, hill_tables, table
 
 from roadlog import estimators
 from roadlog.drive import Drive
@@ -98,11 +98,7 @@ def test_gnss_makes_the_offset_known() -> None:
 @pytest.mark.parametrize("ahead", [-0.8, 0.8])
 def test_an_antenna_elsewhere_does_not_tilt_the_imu(ahead: float) -> None:
     """In a slalom its course swings otherwise than the IMU's: nothing to bend the mounting for."""
-    overrides = {
-        "imu.position": (ahead, 0.2, 0.1),
-        "imu.misalignment_deg": (0.0, 0.0, 0.0),
-        "gnss.two_antennas": False,
-    }
+    overrides = antenna_apart(ahead)
     tables = simulate("ryu2004-slalom", seed=11, overrides=overrides).tables
     estimate, drive = run(tables, Vehicle())
     assert (metrics(tables, estimate, drive, "grade").rmse_deg or 1) < 0.045
