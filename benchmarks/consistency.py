@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from roadlog import estimators
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.ingest import ingest
 from roadlog.log import AngleTrack
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
 from roadlog.signals import ANGLES, TRUTH_TOPIC
 from roadlog.simulate import simulate
-from roadlog.vehicle import Vehicle
 
 SHARED = Path(__file__).parent.parent.parent / "shared" / "data"
 PAGE = Path(__file__).parent.parent / "docs" / "consistency.md"

@@ -13,13 +13,13 @@ import numpy as np
 
 from roadlog import estimators
 from roadlog.drive import Drive
-from roadlog.estimators.ekf_suspension import (
+from roadlog.estimators.wang2025.ekf_suspension import (
     EkfSuspensionParameters,
     drive_force,
     suspension_model,
 )
+from roadlog.estimators.wang2025.suspension_ekf import filter_suspension
 from roadlog.filters.rls import Regression, rls
-from roadlog.filters.suspension_ekf import filter_suspension
 from roadlog.simulate import simulate
 
 HOUR = 360_000  # samples at 100 Hz

@@ -7,17 +7,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import faults
 import numpy as np
-from conftest import SHARED
+from support import faults
+from support.drives import SHARED
 
 from roadlog import estimators
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.log import AngleTrack
 from roadlog.metrics import angle_errors
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.storage import Table
-from roadlog.vehicle import Vehicle
 
 PAGE = Path(__file__).parent.parent / "docs" / "faults.md"
 HEAD = """# Faults

@@ -15,12 +15,12 @@ from collections.abc import Callable
 import numpy as np
 
 from roadlog import estimators
+from roadlog.car.planar_car import planar_car, wheel_loads
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, Samples
-from roadlog.estimators import tire_ukf
-from roadlog.estimators.planar_car import planar_car, wheel_loads
+from roadlog.estimators.luo2024 import tire_ukf
 from roadlog.filters import Engine
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 RATE = 100.0
 REFERENCE_STEPS = 1500

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import DEFAULT_RATE, Drive
 from roadlog.errors import LogReadError, MissingSignalError, near
 from roadlog.estimate import Estimate
@@ -29,7 +30,6 @@ from roadlog.signals import (
 from roadlog.storage import Channel, LogReader, Table, update_log, write_log
 from roadlog.storage.lock import exclusive
 from roadlog.types import Bools, Flags, Floats, Stamps
-from roadlog.vehicle import Vehicle
 from roadlog.version import __version__
 
 if TYPE_CHECKING:

@@ -6,16 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Run, antenna_apart, hill_tables, table
 from scipy.spatial.transform import Rotation
+from support.drives import Run, antenna_apart, hill_tables, table
+from support.turned_imu import IMU_DELAY, away, turned
 
 from roadlog import estimators
-from roadlog.calibrate import Calibration, calibrate
+from roadlog.calibrate import calibrate
 from roadlog.calibrate.finding import Finding, combined, jackknife, unknown
 from roadlog.calibrate.mounting import band_passed, filled, vector_of
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
-from roadlog.estimators.fusion_inputs import ROLL_MODE, second_order
+from roadlog.estimators.fusion.inputs import ROLL_MODE, second_order
 from roadlog.ingest import ingest
 from roadlog.ingest.profile import Profile
 from roadlog.log import DriveLog, create
@@ -23,24 +25,8 @@ from roadlog.metrics import angle_errors, angle_metrics
 from roadlog.simulate import simulate
 from roadlog.storage import Table
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
-IMU_DELAY = 0.0075  # s, of the simulated IMU's own low-pass (2nd order, 30 Hz)
 TURNS = ("mounting_roll", "mounting_pitch", "mounting_yaw")
-
-
-def turned(tables: list[Table], rotation: np.ndarray) -> list[Table]:
-    """The log of an IMU that is mounted by `rotation` (IMU axes from vehicle axes)."""
-    result = []
-    for source in tables:
-        columns = dict(source.columns)
-        if source.topic == "/imu":
-            for kind in ("accel", "gyro"):
-                names = [f"{kind}_{axis}" for axis in "xyz"]
-                rows = rotation @ np.stack([columns[name] for name in names])
-                columns |= dict(zip(names, rows, strict=True))
-        result.append(Table(source.topic, source.schema, source.time, columns))
-    return result
 
 
 def hills(
@@ -56,11 +42,6 @@ def hills(
     tables[1] = table("wheel_speeds", wheels.time + round(late * 1e9), slower)
     tables.append(table("gnss", wheels.time[at] + 300_000_000, gnss))
     return turned(tables, rotation)
-
-
-def away(found: Calibration, rotation: np.ndarray) -> np.ndarray:
-    """rad about forward, left and up, by which the found mounting is wrong."""
-    return vector_of(found.rotation @ rotation)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

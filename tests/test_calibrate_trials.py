@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from test_calibrate import IMU_DELAY, away, turned
+from support.turned_imu import IMU_DELAY, away, turned
 
 from roadlog.calibrate import calibrate
 from roadlog.calibrate.finding import Finding
 from roadlog.calibrate.mounting import band_passed, filled
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.estimators.fusion_inputs import PITCH_MODE, ROLL_MODE, second_order
+from roadlog.estimators.fusion.inputs import PITCH_MODE, ROLL_MODE, second_order
 from roadlog.simulate import Simulation, simulate
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 TRIALS = 40
 ROADS = (  # and how long each is driven, s; 0: as long as the scenario

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from conftest import EPOCH_NS, hill_tables, table
+from support.drives import EPOCH_NS, hill_tables, table
 
 from roadlog.drive import Drive, runs, static_mask
 from roadlog.errors import LogReadError, MissingSignalError

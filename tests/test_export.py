@@ -6,7 +6,7 @@ import csv
 
 import numpy as np
 import pytest
-from conftest import EPOCH_NS, hill_tables, table
+from support.drives import EPOCH_NS, hill_tables, table
 
 from roadlog.errors import ConfigError
 from roadlog.export import export

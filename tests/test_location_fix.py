@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import numpy as np
-from conftest import EPOCH_NS, table
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
+from support.drives import EPOCH_NS, table
 
 from roadlog.log import create
 from roadlog.storage import LogReader, Table

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import EPOCH_NS, hill_tables
+from support.drives import EPOCH_NS, hill_tables
 
 from roadlog.errors import LogReadError
 from roadlog.log import AngleTrack, DriveLog, create

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
+from support.drives import ROOT
 
 from roadlog.log import DriveLog
 

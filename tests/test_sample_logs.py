@@ -9,7 +9,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from conftest import ROOT, Run
+from support.drives import ROOT, Run
 
 from roadlog.log import DriveLog
 from roadlog.signals import TRUTH_TOPIC

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import EPOCH_NS, hill_tables, table
+from support.drives import EPOCH_NS, hill_tables, table
 
 from roadlog.ingest import ingest
 from roadlog.log import DriveLog, create

@@ -14,11 +14,11 @@ import numpy as np
 from roadlog.calibrate import mounting
 from roadlog.calibrate.drive import AXES, TURNS, DriveCalibration, calibrate_drive
 from roadlog.calibrate.finding import Finding, combined
+from roadlog.car.vehicle import DEFAULT, Source, Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
-from roadlog.estimators.fusion_inputs import DASHBOARD_HEIGHT
+from roadlog.estimators.fusion.inputs import DASHBOARD_HEIGHT
 from roadlog.types import Floats
-from roadlog.vehicle import DEFAULT, Source, Vehicle
 
 SENSORS = ("imu_mount", "accel_bias", "gyro_bias", "speed_scale", "speed_delay", "gnss_delay")
 SCALARS = (  # findings that are vehicle parameters of the same name

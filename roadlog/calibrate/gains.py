@@ -10,13 +10,13 @@ import numpy as np
 
 from roadlog.calibrate.finding import Finding, jackknife, unknown
 from roadlog.calibrate.mounting import band_passed, filled
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
-from roadlog.estimators.fusion_inputs import PITCH_MODE, ROLL_MODE, second_order
+from roadlog.estimators.fusion.inputs import PITCH_MODE, ROLL_MODE, second_order
 from roadlog.filters.kernels import odd_window, slope
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 SLOW = (0.15, 0.5)  # Hz, of the answer
 FAST = (0.4, 2.0)  # Hz, that must agree with it

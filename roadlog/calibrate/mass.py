@@ -11,12 +11,12 @@ import numpy as np
 
 from roadlog.calibrate.finding import Finding, unknown
 from roadlog.calibrate.mounting import filled
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.filters.kernels import odd_window, slope
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 CUTOFF = 1.0  # Hz
 MIN_SPEED = 3.0  # m/s

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from roadlog.calibrate.finding import jackknife
-from roadlog.checks.axes import yaw_rates
-from roadlog.checks.evidence import AXES, Evidence, correlation
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
 from roadlog.filters.kernels import odd_window, slope
+from roadlog.motion.axes import yaw_rates
+from roadlog.motion.evidence import AXES, Evidence, correlation
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 

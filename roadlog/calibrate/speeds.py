@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from roadlog.calibrate.finding import Finding, unknown
 from roadlog.calibrate.mounting import filled
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 BLOCK = 10.0  # s; in each an offset and a drift are free, and the jackknife leaves one out
 MIN_SPEED = 2.0  # m/s

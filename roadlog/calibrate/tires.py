@@ -11,11 +11,11 @@ import numpy as np
 
 from roadlog.calibrate.finding import Finding, unknown
 from roadlog.calibrate.mounting import filled
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.estimators.fusion_inputs import TIRE_MODE, second_order
+from roadlog.estimators.fusion.inputs import TIRE_MODE, second_order
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 CUTOFF = 2.0  # Hz
 MIN_SPEED = 4.0  # m/s

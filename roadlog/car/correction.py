@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, Resampled, Samples
 from roadlog.errors import ConfigError
 from roadlog.types import Floats
-from roadlog.vehicle import Vehicle
 
 AXES = ("x", "y", "z")
 CAR_SPEEDS = ("wheel_speeds", "speed")  # sections that speed_scale is of

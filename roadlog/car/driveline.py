@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.types import Bools, Floats
-from roadlog.vehicle import Vehicle
 
 WHEELS = ("fl", "fr", "rl", "rr")
 DRIVE_ROLES = ("wheel_torques.drive_fl", "powertrain.engine_torque", "powertrain.drive_force")

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 MIN_LOAD = 100.0  # N; a lifted wheel must not divide by zero
 PRINTED_DRAG_DIVISOR = 21.15  # eq. (4) means km/h but is fed m/s: drag 13 times too small

@@ -7,19 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from roadlog.car.driveline import DRIVE_ROLES, WHEELS, driveline, free_wheel_speed, undriven_axle
+from roadlog.car.lever_arm import specific_force_at_cg
+from roadlog.car.planar_car import MIN_LOAD, wheel_loads
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.estimators.driveline import (
-    DRIVE_ROLES,
-    WHEELS,
-    driveline,
-    free_wheel_speed,
-    undriven_axle,
-)
-from roadlog.estimators.planar_car import MIN_LOAD, wheel_loads
-from roadlog.filters.lever_arm import specific_force_at_cg
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 SLIP_STIFFNESS = 22.3  # -, tire force per load and slip; CommonRoad vehicle models, K_x; 5.3
 MAX_SLIP = 0.1  # - and rad, up to which a force is in proportion to its slip

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from roadlog.checks import axes, motion, values
-from roadlog.checks.evidence import AXES, Evidence
+from roadlog.checks import motion, values
 from roadlog.checks.finding import Finding
 from roadlog.drive import Drive
+from roadlog.motion import axes
+from roadlog.motion.evidence import AXES, Evidence
 from roadlog.storage import Table
 from roadlog.types import Floats
 

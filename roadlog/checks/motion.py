@@ -11,7 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from roadlog.checks.evidence import (
+from roadlog.checks.finding import Finding
+from roadlog.drive import nan_median
+from roadlog.motion.evidence import (
     AXES,
     MAX_LAG,
     MOVING,
@@ -22,8 +24,6 @@ from roadlog.checks.evidence import (
     Lag,
     correlation,
 )
-from roadlog.checks.finding import Finding
-from roadlog.drive import nan_median
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 from roadlog.units import UNITS

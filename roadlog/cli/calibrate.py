@@ -35,9 +35,9 @@ def calibrate(
     Example: roadlog calibrate monday.mcap tuesday.mcap -o car.toml
     """
     from roadlog.calibrate import calibrate as find
+    from roadlog.car.vehicle import Vehicle
     from roadlog.log import DriveLog
     from roadlog.storage.writer import replacing
-    from roadlog.vehicle import Vehicle
 
     opened = [DriveLog(path) for path in dict.fromkeys(logs)]
     base = Vehicle.load(vehicle) if vehicle else opened[0].vehicle

@@ -11,9 +11,9 @@ import typer
 from roadlog.cli import console
 
 if TYPE_CHECKING:
+    from roadlog.car.vehicle import Vehicle
     from roadlog.drive import Drive
     from roadlog.estimate import Estimate
-    from roadlog.vehicle import Vehicle
 
 
 def estimate(
@@ -57,8 +57,8 @@ def estimate(
 
     Example: roadlog estimate drive.mcap -e kmbe --set kmbe.smooth=false
     """
+    from roadlog.car.vehicle import Vehicle
     from roadlog.filters import ENGINES
-    from roadlog.vehicle import Vehicle
 
     if engine not in ENGINES:
         raise typer.BadParameter(f"must be {' or '.join(ENGINES)}", param_hint="--engine")

@@ -48,9 +48,9 @@ def ingest(
 
     Example: roadlog ingest drive.csv -o drive.mcap --profile logger.toml
     """
+    from roadlog.car.vehicle import Vehicle
     from roadlog.ingest import ingest as read
     from roadlog.log import create
-    from roadlog.vehicle import Vehicle
 
     if truth_from not in (None, "gnss") and not Path(str(truth_from)).is_file():
         raise typer.BadParameter("must be gnss or a file", param_hint="--truth-from")

@@ -38,7 +38,7 @@ def new(
     Example: roadlog profile new drive.csv -o logger.toml
     """
     from roadlog.errors import ConfigError
-    from roadlog.ingest.starter import starter
+    from roadlog.ingest.drafting.starter import starter
 
     text = starter(sources, dbc or [])
     if out is None:

@@ -136,9 +136,9 @@ def _options(
 ) -> Options:
     """Checked here, once, and not on every log."""
     from roadlog import estimators
+    from roadlog.car.vehicle import Vehicle
     from roadlog.ingest.profile import Profile
     from roadlog.report.row import Options
-    from roadlog.vehicle import Vehicle
 
     chosen = tuple(dict.fromkeys(estimators.get(name).name for name in names or []))
     given = Vehicle.load(vehicle).to_toml() if vehicle else ""

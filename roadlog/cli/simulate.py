@@ -35,8 +35,8 @@ def simulate(
     Example: roadlog simulate city -o city.mcap --seed 3 --load trunk --set gnss.rate=0
     """
     from roadlog import simulate as simulator
+    from roadlog.car.vehicle import Vehicle
     from roadlog.log import create
-    from roadlog.vehicle import Vehicle
 
     overrides = {}
     for text in settings or []:

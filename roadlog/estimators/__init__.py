@@ -9,36 +9,36 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any
 
-from roadlog.correction import applied, corrected
+from roadlog.car.correction import applied, corrected
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import ConfigError, EstimatorError, near
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import Engine, Estimator, default_notes
-from roadlog.vehicle import Vehicle
 
 # estimator -> the module and the attribute that define it; modules are imported when asked for
 TABLE: dict[str, str] = {
-    "fusion": "roadlog.estimators.fusion:FUSION",
-    "ls_window": "roadlog.estimators.ls_window:LS_WINDOW",
-    "rls_forget": "roadlog.estimators.rls_forget:RLS_FORGET",
-    "ti": "roadlog.estimators.ti:TI",
-    "pn": "roadlog.estimators.pn:PN",
-    "ti_rls": "roadlog.estimators.ti_rls:TI_RLS",
-    "incl_kinematic": "roadlog.estimators.incl_kinematic:INCL_KINEMATIC",
-    "kmbe": "roadlog.estimators.kmbe:KMBE",
-    "debe": "roadlog.estimators.debe:DEBE",
-    "tfobe": "roadlog.estimators.tfobe:TFOBE",
-    "ekf_suspension": "roadlog.estimators.ekf_suspension:EKF_SUSPENSION",
-    "lowpass_attitude": "roadlog.estimators.lowpass_attitude:LOWPASS_ATTITUDE",
-    "ls_attitude": "roadlog.estimators.ls_attitude:LS_ATTITUDE",
-    "fuel_level": "roadlog.estimators.fuel_level:FUEL_LEVEL",
-    "static_slope": "roadlog.estimators.static_slope:STATIC_SLOPE",
-    "kasaba": "roadlog.estimators.kasaba:KASABA",
-    "grade_pitch_ekf": "roadlog.estimators.grade_pitch_ekf:GRADE_PITCH_EKF",
-    "roll_bank_obs": "roadlog.estimators.roll_bank_obs:ROLL_BANK_OBS",
-    "split_qs": "roadlog.estimators.split_qs:SPLIT_QS",
-    "gnss_ins": "roadlog.estimators.gnss_ins:GNSS_INS",
-    "imu_roll": "roadlog.estimators.gnss_ins:IMU_ROLL",
+    "fusion": "roadlog.estimators.fusion.estimator:FUSION",
+    "ls_window": "roadlog.estimators.massel2004.ls_window:LS_WINDOW",
+    "rls_forget": "roadlog.estimators.massel2004.rls_forget:RLS_FORGET",
+    "ti": "roadlog.estimators.massel2004.ti:TI",
+    "pn": "roadlog.estimators.massel2004.pn:PN",
+    "ti_rls": "roadlog.estimators.massel2004.ti_rls:TI_RLS",
+    "incl_kinematic": "roadlog.estimators.massel2004.incl_kinematic:INCL_KINEMATIC",
+    "kmbe": "roadlog.estimators.luo2024.kmbe:KMBE",
+    "debe": "roadlog.estimators.luo2024.debe:DEBE",
+    "tfobe": "roadlog.estimators.luo2024.tfobe:TFOBE",
+    "ekf_suspension": "roadlog.estimators.wang2025.ekf_suspension:EKF_SUSPENSION",
+    "lowpass_attitude": "roadlog.estimators.wang2025.lowpass_attitude:LOWPASS_ATTITUDE",
+    "ls_attitude": "roadlog.estimators.wang2025.ls_attitude:LS_ATTITUDE",
+    "fuel_level": "roadlog.estimators.wang2025.fuel_level:FUEL_LEVEL",
+    "static_slope": "roadlog.estimators.kim2023.static_slope:STATIC_SLOPE",
+    "kasaba": "roadlog.estimators.kim2023.kasaba:KASABA",
+    "grade_pitch_ekf": "roadlog.estimators.kim2023.grade_pitch_ekf:GRADE_PITCH_EKF",
+    "roll_bank_obs": "roadlog.estimators.ryu2004.roll_bank_obs:ROLL_BANK_OBS",
+    "split_qs": "roadlog.estimators.ryu2004.split_qs:SPLIT_QS",
+    "gnss_ins": "roadlog.estimators.ryu2004.gnss_ins:GNSS_INS",
+    "imu_roll": "roadlog.estimators.ryu2004.gnss_ins:IMU_ROLL",
 }
 
 ENTRY_POINTS = "roadlog.estimators"

@@ -11,13 +11,13 @@ from typing import Any, Literal
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import ConfigError, near
 from roadlog.estimate import Estimate
 from roadlog.filters import ENGINES, Engine
 from roadlog.signals import FLAGS
 from roadlog.types import Floats
-from roadlog.vehicle import Vehicle
 
 ANY_SPEED = "speed"  # needs: any of wheel_speeds, speed, gnss.speed
 

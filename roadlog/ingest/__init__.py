@@ -11,13 +11,15 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from roadlog.errors import ConfigError, LogReadError, near
-from roadlog.ingest import clocks, mapping, survey, truth
+from roadlog.ingest import clocks, mapping
+from roadlog.ingest.formats.parsers import readable
 from roadlog.ingest.frame import Frame, Recording, joined
 from roadlog.ingest.mapping import Mapped
-from roadlog.ingest.parsers import readable
 from roadlog.ingest.profile import Profile, fitting, shipped
+from roadlog.ingest.reference import gnss as truth
+from roadlog.ingest.reference import survey
+from roadlog.spool import blocks, release
 from roadlog.storage import Table
-from roadlog.storage.spool import blocks, release
 from roadlog.types import Stamps
 
 # in the order in which they are asked; each knows its sources by their content
@@ -155,7 +157,7 @@ def expanded(
 
 def _module(path: Path) -> Format | None:
     for name in FORMATS:
-        module = cast(Format, import_module(f"roadlog.ingest.{name}"))
+        module = cast(Format, import_module(f"roadlog.ingest.formats.{name}"))
         if module.recognizes(path):
             return module
     return None

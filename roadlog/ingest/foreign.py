@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from roadlog.errors import LogReadError
-from roadlog.ingest import mapping, mcap
+from roadlog.ingest import mapping
+from roadlog.ingest.formats import mcap
 from roadlog.ingest.profile import Profile, fitting, shipped
 from roadlog.signals import INPUTS
 from roadlog.storage import Channel, Table

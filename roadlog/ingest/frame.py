@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from roadlog.storage.spool import concatenated
+from roadlog.spool import concatenated
 from roadlog.types import Stamps
 
 

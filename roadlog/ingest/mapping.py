@@ -13,8 +13,8 @@ from roadlog.errors import ConfigError, LogReadError, near
 from roadlog.ingest.frame import Frame
 from roadlog.ingest.profile import AXES, AbsentError, Entry, Profile, find
 from roadlog.signals import SECTIONS, SIGNALS, Section
+from roadlog.spool import Spool, blocks, release
 from roadlog.storage import Table, schemas
-from roadlog.storage.spool import Spool, blocks, release
 from roadlog.types import Bools, Floats, Stamps
 from roadlog.units import to_si
 

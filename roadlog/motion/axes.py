@@ -13,7 +13,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from roadlog.checks.evidence import AXES, Evidence, correlation
+from roadlog.motion.evidence import AXES, Evidence, correlation
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 

@@ -24,7 +24,7 @@ from roadlog.version import __version__
 
 if TYPE_CHECKING:
     from roadlog.report.compare import Comparison
-    from roadlog.report.profile import RoadProfile
+    from roadlog.report.road import RoadProfile
 
 INDEX = "index.html"
 ASSETS = "assets"

@@ -18,17 +18,17 @@ from typing import Any
 import numpy as np
 
 from roadlog import checks, estimators
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError, RoadlogError
 from roadlog.estimate import Estimate
 from roadlog.log import AngleTrack, DriveLog
 from roadlog.metrics import DEFAULT_SKIP, angle_errors, angle_metrics
 from roadlog.report.detail import Detail
-from roadlog.report.profile import Pass, pass_of
+from roadlog.report.road import Pass, pass_of
 from roadlog.report.sources import Source, local_copy, put_back
 from roadlog.signals import ANGLES, FLAGS, INPUTS, TRUTH_TOPIC
 from roadlog.storage import Table
-from roadlog.vehicle import Vehicle
 from roadlog.version import __version__
 
 STATUSES = ("ok", "failed", "crashed")

@@ -14,7 +14,7 @@ from roadlog.errors import LogReadError, LogWriteError
 from roadlog.report import page, table
 from roadlog.report.batch import Engine, Outcome, WorkerDiedError, map_logs
 from roadlog.report.compare import Comparison, compare
-from roadlog.report.profile import Pass, RoadMerger, RoadProfile
+from roadlog.report.road import Pass, RoadMerger, RoadProfile
 from roadlog.report.row import (
     LogResult,
     Options,

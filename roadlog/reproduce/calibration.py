@@ -12,11 +12,11 @@ import numpy as np
 
 from roadlog import estimators
 from roadlog.calibrate import SENSORS, calibrate
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimators.base import Estimator
 from roadlog.reproduce import Claim, Reproduction, ResultTable, Row
 from roadlog.simulate import Simulation, simulate
-from roadlog.vehicle import Vehicle
 
 SKIP = 5.0  # s, before which filters converge
 CAR = {  # a tall, heavy front-driven car

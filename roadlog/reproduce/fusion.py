@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from roadlog import estimators
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
 from roadlog.log import AngleTrack
@@ -18,7 +19,6 @@ from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import SCENARIOS, Simulation, simulate
 from roadlog.simulate.sampling import mounting
 from roadlog.storage import Table
-from roadlog.vehicle import Vehicle
 
 SEEDS = (1, 2, 3, 4, 5)
 ANGLES = ("grade", "bank", "pitch", "roll")

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators import run as run_estimator
-from roadlog.filters.strapdown import attitude, dead_reckon
+from roadlog.estimators.kim2023.strapdown import attitude, dead_reckon
 from roadlog.reproduce import Claim, Reproduction, ResultTable, Row
 from roadlog.signals import ACCELERATION, TRUTH_TOPIC
 from roadlog.simulate import Simulation, simulate

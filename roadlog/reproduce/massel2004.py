@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from roadlog import estimators
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.reproduce import Claim, Reproduction, ResultTable, Row
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import simulate
 from roadlog.types import Floats
-from roadlog.vehicle import Vehicle
 
 SEEDS = range(1, 21)
 FULL_SEEDS = range(1, 6)  # of the full car, whose log is at 100 Hz

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from roadlog import estimators
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.estimators.fuel_level import LITERS
+from roadlog.estimators.wang2025.fuel_level import LITERS
 from roadlog.reproduce import Claim, Reproduction, ResultTable, Row
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import simulate
 from roadlog.types import Floats
-from roadlog.vehicle import Vehicle
 
 SEEDS = range(1, 6)
 SCENARIOS = ("up9", "down12")

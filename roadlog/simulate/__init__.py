@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.errors import ConfigError, near
 from roadlog.signals import ANGLES, ANGLES_SCHEMA, SECTIONS, TRUTH_TOPIC, truth_topic
 from roadlog.simulate import scenario_file
@@ -31,7 +32,6 @@ from roadlog.simulate.sensors import Sensors
 from roadlog.simulate.straight import RATE, drive_straight
 from roadlog.storage.table import Table
 from roadlog.types import Floats, Stamps
-from roadlog.vehicle import Vehicle
 from roadlog.version import __version__
 
 __all__ = ["LOADS", "SCENARIOS", "Load", "Motion", "Scenario", "Simulation", "simulate"]

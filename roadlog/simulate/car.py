@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.simulate.road import (
     RoadTables,
     curvature_at,
@@ -22,7 +23,6 @@ from roadlog.simulate.road import (
 )
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 WAGON_CG_HEIGHT = 0.58  # m, of the whole car, where the sprung mass has 0.61
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.simulate.motion import Motion
 from roadlog.simulate.sampling import Columns, at, clock, stream, without_errors
 from roadlog.types import Floats
-from roadlog.vehicle import Vehicle
 
 
 @dataclass(frozen=True)

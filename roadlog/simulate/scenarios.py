@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from roadlog.car.vehicle import PRESETS
 from roadlog.simulate.fuel import FuelSender
 from roadlog.simulate.gnss import Barometer, GnssReceiver
 from roadlog.simulate.imu import ImuSensor
@@ -15,7 +16,6 @@ from roadlog.simulate.sensors import CanSensors, Sensors
 from roadlog.simulate.speeds import Launches, StopAndGo, Tour, accelerations
 from roadlog.simulate.straight import PitchModel
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import PRESETS
 
 KMH = 1 / 3.6
 NO_GNSS = GnssReceiver(rate=0.0)

@@ -13,9 +13,9 @@ from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from numpy.typing import NDArray
 
 from roadlog.errors import ConfigError, near
+from roadlog.spool import release
 from roadlog.storage import records, schemas
 from roadlog.storage.protobuf import LENGTH, SCALARS, VARINT, ZIGZAG
-from roadlog.storage.spool import release
 from roadlog.storage.table import Table
 
 HEAD = [

@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.checks import check_drive
 from roadlog.metrics import DEFAULT_SKIP, AngleErrors, AngleMetrics, angle_metrics
 from roadlog.signals import ANGLES
-from roadlog.vehicle import Vehicle
 from roadlog.view.colors import estimator
 from roadlog.view.runs import Run
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from conftest import hill_tables, table
+from support.drives import hill_tables, table
 
 from roadlog import estimators
-from roadlog.correction import corrected
+from roadlog.car.correction import corrected
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import ConfigError
-from roadlog.vehicle import Vehicle
 
 ON_ITS_SIDE = ((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))  # forward -y, left -z, up x
 BIAS = (0.2, -0.1, 0.05)  # m/s2

@@ -2,8 +2,8 @@ import dataclasses
 
 import pytest
 
+from roadlog.car.vehicle import PRESETS, Source, Vehicle
 from roadlog.errors import ConfigError
-from roadlog.vehicle import PRESETS, Source, Vehicle
 
 SALOON = """
 [vehicle]

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from conftest import Run
+from support.drives import Run
 
 
 def strict(text: str) -> object:

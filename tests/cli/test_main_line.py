@@ -9,8 +9,8 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, Run
 from mcap.reader import make_reader
+from support.drives import ROOT, Run
 
 KEYS = {
     "n", "matched_share", "valid_share", "bias_deg", "rmse_deg", "mae_deg", "p95_deg", "max_deg",

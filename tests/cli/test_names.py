@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import hill_tables
+from support.drives import hill_tables
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.log import create
 from roadlog.signals import ANGLES_SCHEMA, TRUTH_TOPIC
-from roadlog.vehicle import Vehicle
 
 OUTSIDE = "../../outside"
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT, hill_tables
+from support.drives import ROOT, hill_tables
 
 from roadlog.cli import app
 from roadlog.log import create

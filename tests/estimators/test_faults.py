@@ -5,19 +5,19 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 
-import faults
 import numpy as np
 import pytest
-from conftest import SHARED
+from support import faults
+from support.drives import SHARED
 
 from roadlog import estimators
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import MAX_ANGLE, Estimate
 from roadlog.log import AngleTrack
 from roadlog.metrics import angle_errors
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.storage import Table
-from roadlog.vehicle import Vehicle
 
 SETTLING = 20.0  # s after a fault has passed, by which an estimator is itself again
 WORSE = 1.5  # times, and

@@ -11,16 +11,16 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from roadlog import estimators
+from roadlog.car.driveline import free_wheel_speed
+from roadlog.car.road_speed import road_speed
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
-from roadlog.estimators import roll_bank_obs as observer
-from roadlog.estimators.driveline import free_wheel_speed
-from roadlog.estimators.road_speed import road_speed
-from roadlog.estimators.total_roll import total_roll
+from roadlog.estimators.ryu2004 import roll_bank_obs as observer
+from roadlog.estimators.ryu2004.total_roll import total_roll
 from roadlog.filters.discretize import zero_order_hold
 from roadlog.signals import FLAGS
 from roadlog.simulate import simulate
-from roadlog.vehicle import Vehicle
 
 pytestmark = pytest.mark.slow
 SKIP = 500  # samples, as the chapter leaves out the first five seconds
@@ -253,7 +253,7 @@ def test_t28_a_single_antenna_needs_the_yaw_rates_share(monkeypatch) -> None:
         run = estimators.run("roll_bank_obs", drive, vehicle, {"smooth": False})
         assert rmse_deg(run.bank, truth["bank"]) < 0.3
     level = SimpleNamespace(grade=np.zeros(len(drive)))
-    monkeypatch.setattr("roadlog.estimators.total_roll.kmbe", lambda *_: level)
+    monkeypatch.setattr("roadlog.estimators.ryu2004.total_roll.kmbe", lambda *_: level)
     rigid = vehicle.with_values(pitch_gradient=1e-9)
     run = estimators.run("roll_bank_obs", drive, rigid, {"smooth": False})
     assert rmse_deg(run.bank, truth["bank"]) > 0.8

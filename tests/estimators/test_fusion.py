@@ -8,18 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import antenna_apart, hill_tables, table
+from support.drives import antenna_apart, hill_tables, table
 
 from roadlog import estimators
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
-from roadlog.estimators.fusion_speed import SpeedSource, gnss_delay
+from roadlog.estimators.fusion.speed import SpeedSource, gnss_delay
 from roadlog.log import AngleTrack
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
 from roadlog.signals import FLAGS, TRUTH_TOPIC
 from roadlog.simulate import simulate
 from roadlog.storage import Table
-from roadlog.vehicle import Vehicle
 
 RIGID = Vehicle().with_values(pitch_gradient=0.0, roll_gradient=0.0)
 

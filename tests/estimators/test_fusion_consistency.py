@@ -7,8 +7,8 @@ import pytest
 
 from roadlog import estimators
 from roadlog.drive import Drive
-from roadlog.estimators.fusion_consistency import correlated, scales
-from roadlog.estimators.fusion_model import ROWS, SLIP
+from roadlog.estimators.fusion.innovations import correlated, scales
+from roadlog.estimators.fusion.model import ROWS, SLIP
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import simulate
 

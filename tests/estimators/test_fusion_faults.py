@@ -7,25 +7,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import table
+from support.drives import table
 
 from roadlog import estimators
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
-from roadlog.estimators.fusion import FUSION
-from roadlog.estimators.fusion_fixes import revisits
-from roadlog.estimators.fusion_inputs import build, grid
-from roadlog.estimators.fusion_model import CLOSURE
-from roadlog.estimators.fusion_priors import FusionParameters
-from roadlog.estimators.fusion_speed import gnss_delay, speed_source
-from roadlog.estimators.fusion_torque import torque_bias
+from roadlog.estimators.fusion.estimator import FUSION
+from roadlog.estimators.fusion.gnss import revisits
+from roadlog.estimators.fusion.inputs import build, grid
+from roadlog.estimators.fusion.model import CLOSURE
+from roadlog.estimators.fusion.priors import FusionParameters
+from roadlog.estimators.fusion.speed import gnss_delay, speed_source
+from roadlog.estimators.fusion.torque import torque_bias
 from roadlog.log import AngleTrack
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
 from roadlog.signals import FLAGS, TRUTH_TOPIC
 from roadlog.simulate import Simulation, simulate
 from roadlog.storage import Table
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 Change = Callable[[Table], Table]
 USED = ("/imu", "/wheel_speeds", "/gnss")

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.estimators import fusion_model as model
-from roadlog.estimators.fusion_inputs import build, with_fixes
-from roadlog.estimators.fusion_model import N, Noise, Steps
-from roadlog.estimators.fusion_priors import FusionParameters, mounting_prior, noise_of, priors
-from roadlog.estimators.fusion_speed import speed_source
+from roadlog.estimators.fusion import model
+from roadlog.estimators.fusion.inputs import build, with_fixes
+from roadlog.estimators.fusion.model import N, Noise, Steps
+from roadlog.estimators.fusion.priors import FusionParameters, mounting_prior, noise_of, priors
+from roadlog.estimators.fusion.speed import speed_source
 from roadlog.types import Floats
-from roadlog.vehicle import Vehicle
 
 K = 500  # a step at which every row of the road is used
 STEP = 1e-6

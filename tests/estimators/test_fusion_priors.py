@@ -7,9 +7,10 @@ angle, which walks at random. `fusion` itself has no such state.
 import numpy as np
 import pytest
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.estimators.fusion_inputs import build, grid, with_fixes
-from roadlog.estimators.fusion_model import (
+from roadlog.estimators.fusion.inputs import build, grid, with_fixes
+from roadlog.estimators.fusion.model import (
     BA,
     EP,
     ER,
@@ -32,14 +33,13 @@ from roadlog.estimators.fusion_model import (
     row,
     transition,
 )
-from roadlog.estimators.fusion_priors import FusionParameters, mounting_prior, noise_of, priors
-from roadlog.estimators.fusion_smoother import soft_variance
-from roadlog.estimators.fusion_speed import speed_source
+from roadlog.estimators.fusion.priors import FusionParameters, mounting_prior, noise_of, priors
+from roadlog.estimators.fusion.smoother import soft_variance
+from roadlog.estimators.fusion.speed import speed_source
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import Simulation, simulate
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 FREE = np.radians(50.0)  # rad/sqrt(s), of a road that may do what it likes
 TIGHT = np.radians(0.02)  # rad, between the road's state and what the others make of it

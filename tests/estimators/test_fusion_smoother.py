@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.estimators.fusion_inputs import build, with_fixes
-from roadlog.estimators.fusion_model import BA, BAROMETER, CLOSURE, ROWS, N, Noise, Steps
-from roadlog.estimators.fusion_priors import FusionParameters, mounting_prior, noise_of, priors
-from roadlog.estimators.fusion_smoother import PIECE, prediction, residual_row, smooth
-from roadlog.estimators.fusion_speed import speed_source
+from roadlog.estimators.fusion.inputs import build, with_fixes
+from roadlog.estimators.fusion.model import BA, BAROMETER, CLOSURE, ROWS, N, Noise, Steps
+from roadlog.estimators.fusion.priors import FusionParameters, mounting_prior, noise_of, priors
+from roadlog.estimators.fusion.smoother import PIECE, prediction, residual_row, smooth
+from roadlog.estimators.fusion.speed import speed_source
 from roadlog.types import Floats
-from roadlog.vehicle import Vehicle
 
 LENGTH = 2 * PIECE + 44  # steps; no multiple of the checkpoints
 

@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
-from conftest import EPOCH_NS, hill_tables, table
+from support.drives import EPOCH_NS, hill_tables, table
 
 from roadlog import estimators
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import ConfigError, EstimatorError
 from roadlog.estimators import get
 from roadlog.signals import FLAGS
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 RIGID = Vehicle().with_values(pitch_gradient=0.0)
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from roadlog import estimators
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.vehicle import Vehicle
 
 
 @pytest.mark.parametrize("smooth", [True, False])

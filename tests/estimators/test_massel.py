@@ -6,18 +6,18 @@ import dataclasses
 
 import numpy as np
 import pytest
-from straight_scenarios import errors_deg, massel_drive, massel_truth, rmse
+from support.straight_scenarios import errors_deg, massel_drive, massel_truth, rmse
 
 from roadlog import estimators
-from roadlog.estimators.longitudinal import Longitudinal
-from roadlog.estimators.pn import PnParameters
-from roadlog.estimators.pn import sample_angles as pn_angles
-from roadlog.estimators.ti import TiParameters
-from roadlog.estimators.ti import sample_angles as ti_angles
+from roadlog.car.vehicle import Vehicle
+from roadlog.estimators.massel2004.pn import PnParameters
+from roadlog.estimators.massel2004.pn import sample_angles as pn_angles
+from roadlog.estimators.massel2004.ti import TiParameters
+from roadlog.estimators.massel2004.ti import sample_angles as ti_angles
+from roadlog.estimators.straight import Longitudinal
 from roadlog.filters.kernels import odd_window, parabolic_mean, slope
 from roadlog.filters.rls import Regression, rls
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 CAR = Vehicle()
 PAPER = {"preset": "paper"}

@@ -3,15 +3,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from planar_truth import PlanarTruth, planar_truth
+from support.planar_truth import PlanarTruth, planar_truth
 
 from roadlog import estimators
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, Samples
 from roadlog.estimate import Estimate
-from roadlog.estimators.split_qs import split
-from roadlog.estimators.total_roll import total_roll
+from roadlog.estimators.ryu2004.split_qs import split
+from roadlog.estimators.ryu2004.total_roll import total_roll
 from roadlog.signals import FLAGS
-from roadlog.vehicle import Vehicle
 
 WAGON = Vehicle.preset("wagon").with_values(
     imu_position=(0.0, 0.0, 0.0), antenna_position=(0.0, 0.0, 0.0)
@@ -192,7 +192,7 @@ def test_without_the_yaw_rates_share_a_tilted_plane_is_not_seen(monkeypatch) -> 
     truth = laps_truth(gnss=False)
     assert rmse_deg(run(truth, smooth=False).bank, truth.bank) < 0.3
     level = SimpleNamespace(grade=np.zeros(len(truth.drive)))
-    monkeypatch.setattr("roadlog.estimators.total_roll.kmbe", lambda *_: level)
+    monkeypatch.setattr("roadlog.estimators.ryu2004.total_roll.kmbe", lambda *_: level)
     rigid = WAGON.with_values(pitch_gradient=1e-9)
     assert rmse_deg(run(truth, rigid, smooth=False).bank, truth.bank) > 0.8
 

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import EPOCH_NS, table
+from support.drives import EPOCH_NS, table
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, static_mask
 from roadlog.estimate import Estimate
 from roadlog.estimators import run
@@ -16,7 +17,6 @@ from roadlog.signals import FLAGS
 from roadlog.simulate import simulate
 from roadlog.storage import Table
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 RATE = 100.0
 # 3.11: the windows start at the last standing sample (two moving ones are below zero speed)
@@ -117,7 +117,7 @@ def test_accelerometer_bias_cancels_in_the_pitch(
 
 def test_bias_would_not_cancel_with_standard_gravity() -> None:
     """Erratum 4: with 9.80665 in place of the length of the mean specific force."""
-    from roadlog.filters.strapdown import attitude, dead_reckon
+    from roadlog.estimators.kim2023.strapdown import attitude, dead_reckon
 
     v, a = motions()
     drive = Drive.from_tables(tables(v, a, 0.0, np.radians(0.5), (1.0, 1.0, 1.0)))

@@ -6,12 +6,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from conftest import hill_tables
+from support.drives import hill_tables
 
 from roadlog import estimators
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
-from roadlog.vehicle import Vehicle
 
 METHODS = (
     "incl_kinematic",

@@ -2,13 +2,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from planar_truth import PlanarTruth, planar_truth
+from support.planar_truth import PlanarTruth, planar_truth
 
 from roadlog import estimators
+from roadlog.car.vehicle import Vehicle
 from roadlog.errors import EstimatorError
 from roadlog.estimate import Estimate
 from roadlog.signals import FLAGS
-from roadlog.vehicle import Vehicle
 
 WAGON = Vehicle.preset("wagon").with_values(imu_position=(0.0, 0.0, 0.0))
 

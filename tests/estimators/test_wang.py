@@ -6,11 +6,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from wang_scenarios import DOWN, UP, ideal, wang_drive, without
+from support.wang_scenarios import DOWN, UP, ideal, wang_drive, without
 
 from roadlog import estimators
 from roadlog.drive import Drive
-from roadlog.estimators.fuel_level import tank_volume
+from roadlog.estimators.wang2025.fuel_level import tank_volume
 from roadlog.units import STANDARD_GRAVITY as G
 
 SEEDS = range(1, 6)

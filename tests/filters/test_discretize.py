@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from roadlog.estimators.roll_bank_obs import bicycle_car, system
+from roadlog.car.vehicle import Vehicle
+from roadlog.estimators.ryu2004.roll_bank_obs import bicycle_car, system
 from roadlog.filters.discretize import zero_order_hold
-from roadlog.vehicle import Vehicle
 
 DT = 0.01
 CAR = bicycle_car(Vehicle.preset("wagon"))

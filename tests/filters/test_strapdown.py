@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from roadlog.filters.strapdown import attitude, dead_reckon, nose_up, to_navigation, turn
+from roadlog.estimators.kim2023.strapdown import attitude, dead_reckon, nose_up, to_navigation, turn
 from roadlog.units import STANDARD_GRAVITY as G
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from roadlog.errors import LogReadError
-from roadlog.ingest import can, ingest, obd
+from roadlog.ingest import ingest
+from roadlog.ingest.formats import can, obd
 
 cantools = pytest.importorskip("cantools")
 python_can = pytest.importorskip("can")

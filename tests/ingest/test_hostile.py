@@ -10,13 +10,13 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
-from drive_formats import DBC, profile_of, write_mdf, write_text, write_trace
+from support.drive_formats import DBC, profile_of, write_mdf, write_text, write_trace
+from support.drives import ROOT
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.errors import ConfigError, LogReadError, RoadlogError
 from roadlog.ingest import ingest
 from roadlog.ingest.profile import Profile
-from roadlog.vehicle import Vehicle
 
 
 def fuzzed(folder: Path, count: int, seed: int) -> str:
@@ -26,7 +26,7 @@ def fuzzed(folder: Path, count: int, seed: int) -> str:
     environment = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}"}
     threads = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
     done = subprocess.run(
-        [sys.executable, ROOT / "tests" / "hostile.py", folder, str(count), str(seed)],
+        [sys.executable, ROOT / "tests" / "support" / "hostile.py", folder, str(count), str(seed)],
         capture_output=True,
         text=True,
         env=environment | dict.fromkeys(threads, "1"),

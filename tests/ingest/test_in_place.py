@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import hill_tables, table
 from google.protobuf import descriptor_pb2
 from mcap.reader import make_reader
 from mcap.writer import Writer
+from support.drives import hill_tables, table
 
 from roadlog.log import DriveLog, create
 

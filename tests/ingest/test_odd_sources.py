@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drive_formats import DBC, payloads, profile_of, write_kitti, write_ros1, write_ros2
+from support.drive_formats import DBC, payloads, profile_of, write_kitti, write_ros1, write_ros2
 
 from roadlog import cli
 from roadlog.ingest import ingest
@@ -406,6 +406,6 @@ def test_a_file_that_may_not_be_read_is_one_line(tmp_path, monkeypatch, command)
     def refuse(self: Path, *_: object, **__: object) -> None:
         raise PermissionError(13, "Permission denied", str(self))
 
-    monkeypatch.setattr("roadlog.ingest.ros.recognizes", refuse)
+    monkeypatch.setattr("roadlog.ingest.formats.ros.recognizes", refuse)
     said = refused(command, tmp_path, path)
     assert said == f"roadlog: {path}: cannot be read: Permission denied\n"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drive_formats import (
+from support.drive_formats import (
     DBC,
     IMU,
     NAMES,

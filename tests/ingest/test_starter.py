@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from support.drives import ROOT
 
 from roadlog.checks import check
 from roadlog.errors import ConfigError
 from roadlog.ingest import ingest
+from roadlog.ingest.drafting.starter import starter
 from roadlog.ingest.profile import Profile
-from roadlog.ingest.starter import starter
 from roadlog.units import STANDARD_GRAVITY as G
 
 SAMPLE = ROOT / "sample_logs" / "small_logger.csv"  # x left, y backward

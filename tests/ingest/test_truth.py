@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import EPOCH_NS, table
+from support.drives import EPOCH_NS, table
 
 from roadlog.errors import LogReadError
-from roadlog.ingest import ingest, truth
+from roadlog.ingest import ingest
+from roadlog.ingest.reference import gnss as truth
 from roadlog.log import DriveLog, create
 from roadlog.signals import SECTIONS, TRUTH_TOPIC
 from roadlog.simulate import simulate

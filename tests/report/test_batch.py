@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from report_folder import fill_folder, read_rows, statuses
+from support.report_folder import fill_folder, read_rows, statuses
 
 from roadlog.report.batch import map_logs
 

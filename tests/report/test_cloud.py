@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import hill_tables
-from report_folder import read_rows, statuses
+from support.drives import hill_tables
+from support.report_folder import read_rows, statuses
 
 from roadlog.log import DriveLog, create
 

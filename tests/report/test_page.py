@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import hill_tables, table
+from support.drives import hill_tables, table
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.log import create
 from roadlog.report.batch import Engine
 from roadlog.report.page import write_assets, write_index
 from roadlog.report.row import Options, empty_row
 from roadlog.report.run import finish, output_folder, run
 from roadlog.report.sources import Source, find
-from roadlog.vehicle import Vehicle
 
 HOSTILE = "<img src=x onerror=alert(1)>.mcap"
 OPTIONS = Options(("kmbe", "lowpass_attitude", "ls_window"))

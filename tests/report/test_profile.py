@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from conftest import EPOCH_NS, table
+from support.drives import EPOCH_NS, table
 
 from roadlog.drive import Drive
 from roadlog.log import AngleTrack
-from roadlog.report.profile import EARTH_RADIUS, STEP, Pass, RoadMerger, pass_of
+from roadlog.report.road import EARTH_RADIUS, STEP, Pass, RoadMerger, pass_of
 
 LATITUDE, LONGITUDE = 48.0, 11.0
 LENGTH = 3000.0  # m, of the road

@@ -8,8 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from conftest import Run, hill_tables
-from report_folder import read_rows, statuses
+from support.drives import Run, hill_tables
+from support.report_folder import read_rows, statuses
 
 from roadlog.errors import LogReadError
 from roadlog.log import DriveLog, create

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.errors import ConfigError
 from roadlog.log import create
 from roadlog.signals import ANGLES, TRUTH_TOPIC
 from roadlog.simulate import SCENARIOS, simulate
-from roadlog.vehicle import Vehicle
 
 PAPERS = [
     "massel2004-quasi",

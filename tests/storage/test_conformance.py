@@ -9,8 +9,8 @@ from itertools import product
 from pathlib import Path
 
 import pytest
-from container_view import Message, View, view
 from mcap.writer import CompressionType, IndexType, Writer
+from support.container_view import Message, View, view
 
 from roadlog.storage.container import inner_records
 from roadlog.storage.records import DATA_END, FOOTER, MAGIC, PREFIX

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import EPOCH_NS, hill_tables, table
-from container_view import view
 from mcap.writer import CompressionType, IndexType, Writer
+from support.container_view import view
+from support.drives import EPOCH_NS, hill_tables, table
 
 from roadlog.errors import LogReadError, MissingSignalError, RoadlogError
 from roadlog.storage import LogReader, container, records, schemas, write_log

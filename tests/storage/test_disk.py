@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from conftest import Run, hill_tables
+from support.drives import Run, hill_tables
 
 from roadlog import estimators
 from roadlog.drive import Drive

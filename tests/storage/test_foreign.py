@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from conftest import EPOCH_NS
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
 from mcap.reader import make_reader
 from mcap.writer import Writer as McapWriter
@@ -21,6 +20,7 @@ from mcap_ros2.writer import Writer as Ros2Writer
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
 from rosbags.typesys import Stores, get_typestore
+from support.drives import EPOCH_NS
 
 from roadlog.storage import LogReader, Table
 

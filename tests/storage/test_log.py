@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import EPOCH_NS, hill_tables, table
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
+from support.drives import EPOCH_NS, hill_tables, table
 
 from roadlog.errors import LogReadError, LogWriteError, MissingSignalError
 from roadlog.storage import LogReader, update_log, write_log

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from conftest import hill_tables
+from support.drives import hill_tables
 
 from roadlog import estimators
 from roadlog.drive import Drive

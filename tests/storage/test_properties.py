@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import random
-import struct
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import EPOCH_NS
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -19,9 +16,12 @@ from hypothesis.extra import numpy as hnp
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from mcap_protobuf.writer import Writer as ProtobufWriter
+from support.drives import EPOCH_NS
+from support.protobuf_values import NUMBERS, bits, numbers
 
 from roadlog.storage import LogReader, Table, schemas, write_log
 
+_F = descriptor_pb2.FieldDescriptorProto
 FIXED = settings(derandomize=True, max_examples=25, deadline=None, database=None)
 SCHEMAS = ("roadlog.v1.Imu", "roadlog.v1.Speed", "roadlog.v1.Gnss", "roadlog.v1.RoadAngles")
 LAST_NS = 2**63 - 1
@@ -102,29 +102,6 @@ def test_a_million_messages(tmp_path: Path) -> None:
         np.testing.assert_array_equal(back.columns[name].view(np.uint64), values.view(np.uint64))
 
 
-_F = descriptor_pb2.FieldDescriptorProto
-NUMBERS = {  # type -> range of its values, None for floating point
-    _F.TYPE_DOUBLE: None,
-    _F.TYPE_FLOAT: None,
-    _F.TYPE_INT64: (-(2**63), 2**63 - 1),
-    _F.TYPE_UINT64: (0, 2**64 - 1),
-    _F.TYPE_INT32: (-(2**31), 2**31 - 1),
-    _F.TYPE_FIXED64: (0, 2**64 - 1),
-    _F.TYPE_FIXED32: (0, 2**32 - 1),
-    _F.TYPE_BOOL: (0, 1),
-    _F.TYPE_UINT32: (0, 2**32 - 1),
-    _F.TYPE_SFIXED32: (-(2**31), 2**31 - 1),
-    _F.TYPE_SFIXED64: (-(2**63), 2**63 - 1),
-    _F.TYPE_SINT32: (-(2**31), 2**31 - 1),
-    _F.TYPE_SINT64: (-(2**63), 2**63 - 1),
-}
-VARINTS = (
-_F.TYPE_INT64, _F.TYPE_UINT64, _F.TYPE_INT32, _F.TYPE_UINT32, _F.TYPE_SINT32, _F.TYPE_SINT64,
-    _F.TYPE_BOOL,
-)  # fmt: skip
-MAX_ELEMENTS = 64  # of a repeated field that become columns
-
-
 def random_message(
     chance: random.Random, owner: descriptor_pb2.DescriptorProto, parent: str, depth: int
 ) -> None:
@@ -201,22 +178,6 @@ def scalar(chance: random.Random, kind: int) -> Any:
     return number(chance, kind)
 
 
-def numbers(message: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """What the reference library says that a message holds; no entry where it has no value."""
-    for field in message.DESCRIPTOR.fields:
-        name, value = f"{path}{field.name}", getattr(message, field.name)
-        is_number = field.message_type is None and not isinstance(value, str | bytes)
-        if field.is_repeated:
-            has_columns = field.type in NUMBERS and field.type not in VARINTS
-            if has_columns:
-                yield from ((f"{name}.{k}", v) for k, v in enumerate(value[:MAX_ELEMENTS]))
-        elif field.message_type is not None:
-            if message.HasField(field.name):
-                yield from numbers(value, f"{name}.")
-        elif is_number and (not field.has_presence or message.HasField(field.name)):
-            yield name, value
-
-
 def assert_schema(seed: int, path: Path) -> None:
     chance = random.Random(seed)
     cls = random_class(chance)
@@ -239,11 +200,6 @@ def assert_schema(seed: int, path: Path) -> None:
             assert bits(column) == bits(floats), f"seed {seed}: {name}"
         else:
             assert column.tolist() == values, f"seed {seed}: {name}"
-
-
-def bits(values: Any) -> list[bytes]:
-    """Of float64; one NaN is like another."""
-    return [struct.pack("<d", np.nan if value != value else value) for value in values]
 
 
 def test_random_schemas(tmp_path: Path, slow: list[int]) -> None:

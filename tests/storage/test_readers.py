@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ROOT
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from rerun.chunk import McapReader
-from test_properties import bits, numbers
+from support.drives import ROOT
+from support.protobuf_values import bits, numbers
 
 import roadlog
 from roadlog.storage import LogReader, Table

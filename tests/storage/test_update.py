@@ -11,37 +11,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import EPOCH_NS, ROOT, hill_tables, table
-from container_view import view
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
+from support.container_view import view
+from support.drives import ROOT, hill_tables, table
+from support.results import TOPIC, put, result
 
 from roadlog.errors import LogReadError
-from roadlog.storage import LogReader, Table, journal, schemas, update_log, write_log
+from roadlog.storage import LogReader, journal, schemas, update_log, write_log
 from roadlog.storage.container import Source, crc_of
 from roadlog.storage.crc import before
-
-TOPIC = "/estimates/a/angles"
-
-
-def result(size: int, value: float = 0.01, topic: str = TOPIC) -> Table:
-    speed = np.full(size, value)
-    time = EPOCH_NS + np.arange(size) * 10**7
-    columns = {"grade": speed, "flags": np.zeros(size, np.uint32), "valid": speed > 0}
-    return Table(topic, "roadlog.v1.RoadAngles", time, columns)
-
-
-def put(path: Path, *tables: Table, record: str = "1", **options: object) -> None:
-    """Replace the estimate `a`."""
-    update_log(
-        path,
-        tables,
-        {"estimate/a": {"n": record}},
-        drop=lambda topic: topic.startswith("/estimates/a/"),
-        drop_metadata=lambda name: name == "estimate/a",
-        **options,  # type: ignore[arg-type]
-    )
 
 
 def check_with_the_reference(path: Path) -> int:
@@ -216,8 +196,8 @@ def test_a_journal_of_another_log_is_not_used(log: Path) -> None:
 CHILD = """
 import sys, numpy as np
 from pathlib import Path
-sys.path[:0] = [{tests!r}, {storage!r}]
-from test_update import put, result
+sys.path[:0] = [{tests!r}]
+from support.results import put, result
 path = Path(sys.argv[1])
 print("ready", flush=True)
 k = 0
@@ -234,7 +214,7 @@ def kill_while_writing(folder: Path, trials: int, in_place: bool, seed: int) -> 
     write_log(path, hill_tables(2.0), {})
     inputs = view(path).messages
     put(path, result(100_001))
-    code = CHILD.format(tests=str(ROOT / "tests"), storage=str(ROOT / "tests" / "storage"))
+    code = CHILD.format(tests=str(ROOT / "tests"))
     for _ in range(trials):
         arguments = [sys.executable, "-c", code, str(path), str(int(in_place))]
         with subprocess.Popen(

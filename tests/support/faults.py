@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.signals import INPUTS, SECTIONS
 from roadlog.storage import Table
-from roadlog.vehicle import Vehicle
 
 START, STOP = 40.0, 50.0  # s into the drive: where a passing fault acts
 LENGTH = 140.0  # s of the pass that are driven: climbs, hairpins, a stop

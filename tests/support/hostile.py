@@ -21,7 +21,7 @@ import traceback
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from drive_formats import (
+from support.drive_formats import (
     DBC,
     START,
     profile_of,

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, Samples
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 RATE, STEPS = 100, 5  # Hz of the grid, integration steps in each
 GNSS_EVERY = 10

@@ -7,10 +7,10 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from conftest import hill_tables
+from support.drives import hill_tables
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.log import create
-from roadlog.vehicle import Vehicle
 
 
 def fill_folder(folder: Path, good: int = 35) -> Path:

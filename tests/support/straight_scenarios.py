@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from conftest import EPOCH_NS, table
 from scipy.signal import butter, sosfilt
+from support.drives import EPOCH_NS, table
 
 from roadlog.drive import Drive
 from roadlog.units import STANDARD_GRAVITY as G

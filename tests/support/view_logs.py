@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from conftest import EPOCH_NS, hill_tables, table
+from support.drives import EPOCH_NS, hill_tables, table
 
 from roadlog.drive import Drive
 from roadlog.estimate import Detail, Estimate

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from view_logs import make_log
+from support.view_logs import make_log
 
 from roadlog.log import DriveLog
 

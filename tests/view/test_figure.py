@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Run
 from matplotlib.colors import to_hex
 from matplotlib.image import imread
 from numpy.testing import assert_allclose
-from view_logs import ERROR, NAMES, SD, make_log
+from support.drives import Run
+from support.view_logs import ERROR, NAMES, SD, make_log
 
 from roadlog import view as roadlog_view
 from roadlog.errors import LogReadError, MissingExtraError

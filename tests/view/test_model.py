@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from view_logs import DURATION, ERROR, NAMES, SD, make_log
+from support.view_logs import DURATION, ERROR, NAMES, SD, make_log
 
 from roadlog import metrics
 from roadlog.errors import MissingSignalError

@@ -12,7 +12,7 @@ import pytest
 import rerun as rr
 from numpy.testing import assert_allclose
 from rerun.chunk import RrdReader
-from view_logs import DURATION, ERROR, SD, make_log
+from support.view_logs import DURATION, ERROR, SD, make_log
 
 from roadlog.errors import LogWriteError
 from roadlog.log import DriveLog

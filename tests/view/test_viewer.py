@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT, Run
 from matplotlib.image import imread
-from view_logs import DURATION, make_log
+from support.drives import ROOT, Run
+from support.view_logs import DURATION, make_log
 
 from roadlog.errors import RoadlogError
 from roadlog.log import DriveLog

@@ -13,13 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roadlog.correction import corrected
+from roadlog.car.correction import corrected
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, runs
 from roadlog.estimate import Detail, Estimate, complete_angles
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag
-from roadlog.estimators.fusion_consistency import CHANGED, scales
-from roadlog.estimators.fusion_inputs import build, grid, with_fixes
-from roadlog.estimators.fusion_model import (
+from roadlog.estimators.fusion.innovations import CHANGED, scales
+from roadlog.estimators.fusion.inputs import build, grid, with_fixes
+from roadlog.estimators.fusion.model import (
     ALTITUDE,
     BA,
     BAROMETER,
@@ -56,7 +57,7 @@ from roadlog.estimators.fusion_model import (
     Noise,
     Steps,
 )
-from roadlog.estimators.fusion_outputs import (
+from roadlog.estimators.fusion.outputs import (
     BANK,
     GRADE,
     INCLINATION,
@@ -64,7 +65,7 @@ from roadlog.estimators.fusion_outputs import (
     ROLL_ANGLE,
     ROLL_TOTAL,
 )
-from roadlog.estimators.fusion_priors import (
+from roadlog.estimators.fusion.priors import (
     FusionParameters,
     Mounting,
     know_torque,
@@ -72,13 +73,12 @@ from roadlog.estimators.fusion_priors import (
     noise_of,
     priors,
 )
-from roadlog.estimators.fusion_smoother import OWN_STATES, Smoothed, filtered, smooth
-from roadlog.estimators.fusion_speed import SpeedSource, gnss_delay, speed_source
-from roadlog.estimators.fusion_torque import torque_bias
+from roadlog.estimators.fusion.smoother import OWN_STATES, Smoothed, filtered, smooth
+from roadlog.estimators.fusion.speed import SpeedSource, gnss_delay, speed_source
+from roadlog.estimators.fusion.torque import torque_bias
 from roadlog.filters import Engine
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 DEG = np.pi / 180
 SMALL_MOUNTING = 1.0 * DEG  # beyond this the IMU is turned and smoothed again (section 7)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.drive import Drive, Samples
-from roadlog.estimators.fusion_model import (
+from roadlog.estimators.fusion.model import (
     ALTITUDE,
     BAROMETER,
     CLOSURE,
@@ -23,7 +23,7 @@ from roadlog.estimators.fusion_model import (
     ROLL,
     UP,
 )
-from roadlog.estimators.fusion_speed import SpeedSource, known_samples
+from roadlog.estimators.fusion.speed import SpeedSource, known_samples
 from roadlog.types import Bools, Floats
 
 if TYPE_CHECKING:

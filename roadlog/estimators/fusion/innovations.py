@@ -10,13 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from roadlog.estimators.fusion_model import (
-    ALTITUDE,
-    BAROMETER,
-    FIX,
-    ROWS,
-    SLIP,
-)
+from roadlog.estimators.fusion.model import ALTITUDE, BAROMETER, FIX, ROWS, SLIP
 from roadlog.types import Floats
 
 # Rows whose error is slow: a car that slips otherwise than its tires say, altitudes that wander. A

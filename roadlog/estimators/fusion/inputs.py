@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, runs
 from roadlog.errors import EstimatorError
-from roadlog.estimators.fusion_fixes import fixes_of, revisits
-from roadlog.estimators.fusion_model import (
+from roadlog.estimators.fusion.gnss import fixes_of, revisits
+from roadlog.estimators.fusion.model import (
     ALTITUDE,
     CLOSURE,
     EAST,
@@ -31,11 +32,10 @@ from roadlog.estimators.fusion_model import (
     Steps,
     U,
 )
-from roadlog.estimators.fusion_speed import SpeedSource, binned, interpolated
+from roadlog.estimators.fusion.speed import SpeedSource, binned, interpolated
 from roadlog.filters.kernels import odd_window, slope
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 MAX_FORCE = 50.0  # m/s2; no car on its wheels reaches it, a broken message does
 MAX_RATE = 8.0  # rad/s, likewise

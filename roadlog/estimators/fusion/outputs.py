@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from roadlog.estimators.fusion_model import (
+from roadlog.estimators.fusion.model import (
     BA,
     EP,
     ER,

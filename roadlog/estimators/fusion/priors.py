@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimators.base import parameter
-from roadlog.estimators.fusion_inputs import vibration
-from roadlog.estimators.fusion_model import (
+from roadlog.estimators.fusion.inputs import vibration
+from roadlog.estimators.fusion.model import (
     BA,
     BG,
     EP,
@@ -45,10 +46,9 @@ from roadlog.estimators.fusion_model import (
     V,
     W,
 )
-from roadlog.estimators.fusion_speed import SpeedSource
+from roadlog.estimators.fusion.speed import SpeedSource
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 DEG = np.pi / 180
 CALIBRATED_MOUNTING = 0.1 * DEG  # a mounting that the vehicle file gives is no better (section 3)

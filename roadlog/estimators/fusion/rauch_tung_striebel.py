@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from roadlog.estimators.fusion_model import MOVING, ROWS, N, Noise, Steps
-from roadlog.estimators.fusion_outputs import given_variances, output_rows
-from roadlog.estimators.fusion_smoother import (
+from roadlog.estimators.fusion.model import MOVING, ROWS, N, Noise, Steps
+from roadlog.estimators.fusion.outputs import given_variances, output_rows
+from roadlog.estimators.fusion.smoother import (
     is_reported,
     prediction,
     residual_row,

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from roadlog.estimators.fusion_model import (
+from roadlog.estimators.fusion.model import (
     COUPLED,
     DECAYING,
     MOVING,
@@ -29,7 +29,7 @@ from roadlog.estimators.fusion_model import (
     row,
     transition,
 )
-from roadlog.estimators.fusion_outputs import variances
+from roadlog.estimators.fusion.outputs import variances
 from roadlog.filters import Engine
 from roadlog.types import Floats
 
@@ -68,7 +68,7 @@ def smooth(
     the filter's, from the past alone.
     """
     if engine == "reference":
-        from roadlog.estimators.fusion_reference import rauch_tung_striebel as run
+        from roadlog.estimators.fusion.rauch_tung_striebel import rauch_tung_striebel as run
     else:
         run = _bryson_frazier
     return Smoothed(*run(steps, noise, P0, at, look_ahead))

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, Samples, nan_mean
-from roadlog.estimators.fusion_model import RATE
+from roadlog.estimators.fusion.model import RATE
 from roadlog.types import Floats
-from roadlog.vehicle import Vehicle
 
 SPEED_GAP = 1.0  # s, speed is interpolated across for the standstill mask
 GNSS_DELAYS = np.arange(-29, 151) / 100  # s, tried for the receiver against the car's own speed

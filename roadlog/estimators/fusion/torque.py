@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.estimators.fusion_inputs import grid
-from roadlog.estimators.fusion_model import RATE, Steps
+from roadlog.estimators.fusion.inputs import grid
+from roadlog.estimators.fusion.model import RATE, Steps
 from roadlog.filters.kernels import odd_window, slope
 from roadlog.signals import WHEELS
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 CUTOFF = 1.0  # Hz, of both sides of the balance
 BRAKE_TORQUE = 5.0  # N m per car, brakes are on above

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
@@ -20,7 +21,6 @@ from roadlog.filters.kalman import correct_scalar
 from roadlog.filters.kernels import odd_window, parabolic_mean, slope
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 CORRELATION = 1.2  # samples of the smoothed signals per window count as n / 1.2 copies; 3.10
 

@@ -11,12 +11,12 @@ from typing import Literal
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, runs
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
 from roadlog.filters import Engine
 from roadlog.types import Bools, Floats
-from roadlog.vehicle import Vehicle
 
 
 @dataclass(frozen=True)

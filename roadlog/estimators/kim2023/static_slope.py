@@ -10,10 +10,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, static_mask
 from roadlog.estimate import Detail, Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag
-from roadlog.estimators.stop_windows import (
+from roadlog.estimators.kim2023.stop_windows import (
     Event,
     StaticSlopeParameters,
     Stop,
@@ -24,7 +25,6 @@ from roadlog.estimators.stop_windows import (
 from roadlog.filters import Engine
 from roadlog.signals import ACCELERATION, DECELERATION
 from roadlog.types import Floats
-from roadlog.vehicle import Vehicle
 
 ROCKING = np.radians(0.5)  # rad/s, gyro spread after a stop that calls for `full`; 3.8
 ROCKING_TIME = 0.5  # s

@@ -12,8 +12,8 @@ import numpy as np
 
 from roadlog.drive import Drive, runs
 from roadlog.estimators.base import parameter
+from roadlog.estimators.kim2023.strapdown import Path, attitude, dead_reckon, to_navigation
 from roadlog.filters import Engine
-from roadlog.filters.strapdown import Path, attitude, dead_reckon, to_navigation
 from roadlog.signals import ACCELERATION, DECELERATION, FLAGS
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G

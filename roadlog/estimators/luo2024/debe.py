@@ -11,12 +11,13 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numba import njit
 
+from roadlog.car.driveline import NEEDS_TORQUE, Driveline, driveline, free_wheel_speed
+from roadlog.car.road_speed import road_speed
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.driveline import NEEDS_TORQUE, Driveline, driveline, free_wheel_speed
-from roadlog.estimators.road_speed import road_speed
-from roadlog.estimators.schedule import ScheduleParameters, schedule
+from roadlog.estimators.luo2024.schedule import ScheduleParameters, schedule
 from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
 from roadlog.filters.ukf import (
@@ -29,7 +30,6 @@ from roadlog.filters.ukf import (
 )
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 ROLLING_SPEED = 0.1  # m/s, over which rolling resistance changes its sign; section 4.3
 RESTART_VARIANCE = 1.0  # (m/s)2, of the speed after a freeze; section 4.3

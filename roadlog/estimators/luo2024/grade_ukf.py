@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from roadlog.estimators.planar_car import PlanarCar, resultants
-from roadlog.estimators.tire_ukf import Tuning
+from roadlog.car.planar_car import PlanarCar, resultants
+from roadlog.estimators.luo2024.tire_ukf import Tuning
 from roadlog.filters import Engine
 from roadlog.filters.ukf import (
     correct,

@@ -10,17 +10,17 @@ from typing import Literal
 
 import numpy as np
 
+from roadlog.car.lever_arm import specific_force_at_cg
+from roadlog.car.road_speed import lateral_velocity, road_speed
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, runs
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.road_speed import lateral_velocity, road_speed
 from roadlog.filters import Engine
 from roadlog.filters.gaps import age, hold
 from roadlog.filters.kalman import LinearModel, kalman_filter, rts_smoother
-from roadlog.filters.lever_arm import specific_force_at_cg
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 MAX_SINE = 0.9  # |s/g| beyond this is no road; section 4.2
 

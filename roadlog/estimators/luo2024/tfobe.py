@@ -11,26 +11,20 @@ from typing import Literal
 
 import numpy as np
 
+from roadlog.car.driveline import NEEDS_TORQUE, WHEELS, Driveline, driveline, free_wheel_speed
+from roadlog.car.lever_arm import specific_force_at_cg
+from roadlog.car.planar_car import MIN_LOAD, planar_car, wheel_loads
+from roadlog.car.road_speed import lateral_velocity, road_speed
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Detail, Estimate
-from roadlog.estimators import grade_ukf, tire_ukf
 from roadlog.estimators.base import Estimator, flag, parameter
-from roadlog.estimators.driveline import (
-    NEEDS_TORQUE,
-    WHEELS,
-    Driveline,
-    driveline,
-    free_wheel_speed,
-)
-from roadlog.estimators.planar_car import MIN_LOAD, planar_car, wheel_loads
-from roadlog.estimators.road_speed import lateral_velocity, road_speed
-from roadlog.estimators.schedule import Schedule, ScheduleParameters, schedule
+from roadlog.estimators.luo2024 import grade_ukf, tire_ukf
+from roadlog.estimators.luo2024.schedule import Schedule, ScheduleParameters, schedule
 from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
-from roadlog.filters.lever_arm import specific_force_at_cg
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 # rows of the lower and of the upper layer that a variant measures; sections 3.2, 4.4.3 and 4.5
 TIRE_ROWS: dict[str, tuple[int, ...]] = {

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from roadlog.estimators.planar_car import PlanarCar, resultants
+from roadlog.car.planar_car import PlanarCar, resultants
 from roadlog.filters import Engine
 from roadlog.filters.ukf import (
     correct,

@@ -9,15 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.longitudinal import StraightParameters, longitudinal, straight_flags
+from roadlog.estimators.straight import StraightParameters, longitudinal, straight_flags
 from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
 from roadlog.filters.windows import moving_mean
 from roadlog.types import Floats
-from roadlog.vehicle import Vehicle
 
 
 @dataclass(frozen=True)

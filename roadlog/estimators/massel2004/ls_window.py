@@ -10,10 +10,11 @@ from typing import Any, Literal
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Detail, Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.longitudinal import (
+from roadlog.estimators.straight import (
     Longitudinal,
     StraightParameters,
     longitudinal,
@@ -25,7 +26,6 @@ from roadlog.filters.gaps import hold
 from roadlog.filters.windows import moving_sum
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 MIN_SHARE = 0.9  # of a window's samples that must be known; section 2.1
 

@@ -10,16 +10,21 @@ from typing import Any, Literal
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, parameter
-from roadlog.estimators.longitudinal import Longitudinal, longitudinal, with_preset
-from roadlog.estimators.ti import AnalyticFit, AnalyticParameters, analytic_estimate, analytic_sd
+from roadlog.estimators.massel2004.ti import (
+    AnalyticFit,
+    AnalyticParameters,
+    analytic_estimate,
+    analytic_sd,
+)
+from roadlog.estimators.straight import Longitudinal, longitudinal, with_preset
 from roadlog.filters import Engine
 from roadlog.filters.windows import moving_mean
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 PRESETS: dict[str, dict[str, Any]] = {"paper": {"smooth": False}, "robust": {"smooth": True}}
 

@@ -11,10 +11,11 @@ from typing import Any, Literal
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Detail, Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.longitudinal import (
+from roadlog.estimators.straight import (
     Longitudinal,
     StraightParameters,
     longitudinal,
@@ -27,7 +28,6 @@ from roadlog.filters.rls import Regression, rls
 from roadlog.filters.windows import moving_mean, moving_std
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 PAPER_RATE = 1000.0  # Hz, at which the paper gives its forgetting factor
 

@@ -10,10 +10,11 @@ from typing import Any, Literal
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.longitudinal import (
+from roadlog.estimators.straight import (
     Longitudinal,
     StraightParameters,
     longitudinal,
@@ -25,7 +26,6 @@ from roadlog.filters.gaps import hold
 from roadlog.filters.windows import moving_count, moving_mean, moving_sum
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 PRESETS: dict[str, dict[str, Any]] = {
     "paper": {"average": "mean", "smooth": False},

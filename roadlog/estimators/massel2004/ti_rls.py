@@ -10,23 +10,23 @@ from typing import Literal
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Detail, Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.longitudinal import (
+from roadlog.estimators.massel2004.rls_forget import PRESETS as RLS_PRESETS
+from roadlog.estimators.massel2004.rls_forget import RlsForgetParameters, fit_recursively
+from roadlog.estimators.massel2004.ti import PRESETS as TI_PRESETS
+from roadlog.estimators.massel2004.ti import TiParameters, fit_identities
+from roadlog.estimators.straight import (
     StraightParameters,
     longitudinal,
     straight_flags,
     with_preset,
 )
-from roadlog.estimators.rls_forget import PRESETS as RLS_PRESETS
-from roadlog.estimators.rls_forget import RlsForgetParameters, fit_recursively
-from roadlog.estimators.ti import PRESETS as TI_PRESETS
-from roadlog.estimators.ti import TiParameters, fit_identities
 from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
 from roadlog.types import Floats
-from roadlog.vehicle import Vehicle
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Detail, Estimate
-from roadlog.estimators import total_roll
 from roadlog.estimators.base import ANY_SPEED, Estimator, parameter
-from roadlog.estimators.total_roll import GNSS_GAP, TotalRoll
+from roadlog.estimators.ryu2004 import total_roll
+from roadlog.estimators.ryu2004.total_roll import GNSS_GAP, TotalRoll
 from roadlog.filters import Engine
-from roadlog.vehicle import Vehicle
 
 
 @dataclass(frozen=True)

@@ -13,19 +13,19 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from roadlog.car.driveline import free_wheel_speed
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, runs
 from roadlog.estimate import Detail, Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.driveline import free_wheel_speed
-from roadlog.estimators.split_qs import split
-from roadlog.estimators.total_roll import DEG, GNSS_GAP, INERTIAL_GAP, TotalRoll, total_roll
+from roadlog.estimators.ryu2004.split_qs import split
+from roadlog.estimators.ryu2004.total_roll import DEG, GNSS_GAP, INERTIAL_GAP, TotalRoll, total_roll
 from roadlog.filters import Engine
 from roadlog.filters.discretize import zero_order_hold
 from roadlog.filters.gaps import age, hold
 from roadlog.filters.kalman import correct_scalar, predict
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 STATES, ROWS = 8, 4
 LINEAR_FORCE = 5.0  # m/s2, lateral, up to which tires are linear; section 4.6

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.total_roll import GNSS_GAP, TotalRoll, total_roll
+from roadlog.estimators.ryu2004.total_roll import GNSS_GAP, TotalRoll, total_roll
 from roadlog.filters import Engine
 from roadlog.types import Floats
-from roadlog.vehicle import Vehicle
 
 GAIN_SD = 0.10  # of K_phi, relative: what a wrong roll stiffness makes of it; section 4.6
 

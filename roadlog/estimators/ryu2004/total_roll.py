@@ -10,18 +10,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadlog.car.lever_arm import SpecificForce, specific_force_at_cg
+from roadlog.car.road_speed import tire_slip_compliance
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, runs
 from roadlog.estimators.base import flag
-from roadlog.estimators.kmbe import KmbeParameters, kmbe
-from roadlog.estimators.road_speed import tire_slip_compliance
+from roadlog.estimators.luo2024.kmbe import KmbeParameters, kmbe
 from roadlog.filters import Engine
 from roadlog.filters.gaps import age, hold
 from roadlog.filters.kalman import LinearModel, Track, kalman_filter, rts_smoother
 from roadlog.filters.kernels import odd_window, parabolic_mean, slope
-from roadlog.filters.lever_arm import SpecificForce, specific_force_at_cg
 from roadlog.types import Flags, Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 DEG = np.pi / 180
 HOLD_TIME = 0.2  # s, inertial signals are held this long; section 4.8

@@ -11,15 +11,19 @@ from typing import Literal
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, runs
 from roadlog.estimate import Detail, Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.longitudinal import selected_speed, straight_flags
+from roadlog.estimators.straight import selected_speed, straight_flags
+from roadlog.estimators.wang2025.suspension_ekf import (
+    SuspensionModel,
+    filter_suspension,
+    smooth_suspension,
+)
 from roadlog.filters import Engine
 from roadlog.filters.gaps import age
-from roadlog.filters.suspension_ekf import SuspensionModel, filter_suspension, smooth_suspension
 from roadlog.types import Bools, Floats
-from roadlog.vehicle import Vehicle
 
 DAMPING = 0.3  # -, of critical, where the vehicle file gives none; section 4.1
 TUNING_RATE = 100.0  # Hz, at which the chapter gives noises per step

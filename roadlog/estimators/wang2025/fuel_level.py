@@ -11,16 +11,16 @@ from typing import Literal
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, runs
 from roadlog.estimate import Detail, Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.ekf_suspension import EkfSuspensionParameters, ekf_suspension
+from roadlog.estimators.wang2025.ekf_suspension import EkfSuspensionParameters, ekf_suspension
 from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
 from roadlog.filters.kernels import odd_window, slope
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 LITERS = 1000.0  # L/m3
 SENDER_MARGIN = 0.002  # m; nearer to floor or roof the sender only gives a bound (4.4)

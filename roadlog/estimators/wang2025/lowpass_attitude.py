@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, runs
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
@@ -18,7 +19,6 @@ from roadlog.filters.gaps import age, hold
 from roadlog.filters.kernels import causal, odd_window, parabolic_mean, slope
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 
 @dataclass(frozen=True)

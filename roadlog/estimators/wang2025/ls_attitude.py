@@ -10,18 +10,18 @@ from typing import Literal
 
 import numpy as np
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.ekf_suspension import drive_force
-from roadlog.estimators.longitudinal import straight_flags
+from roadlog.estimators.straight import straight_flags
+from roadlog.estimators.wang2025.ekf_suspension import drive_force
 from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
 from roadlog.filters.kernels import causal, odd_window, parabolic_mean, slope
 from roadlog.filters.windows import moving_count, moving_mean, moving_std
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.vehicle import Vehicle
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,14 @@ from dataclasses import replace
 import numpy as np
 
 from roadlog import checks
-from roadlog.checks import axes, motion
-from roadlog.checks.evidence import Evidence, correlation
+from roadlog.checks import motion
 from roadlog.drive import Drive
 from roadlog.errors import RoadlogError
 from roadlog.ingest import mapping
-from roadlog.ingest.draft import Draft, Guess
+from roadlog.ingest.drafting.draft import Draft, Guess
 from roadlog.ingest.profile import AXES, Profile
+from roadlog.motion import axes
+from roadlog.motion.evidence import Evidence, correlation
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY, UNITS
 

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from roadlog.errors import ConfigError, near
-from roadlog.ingest import Source, expanded, open_source, times
-from roadlog.ingest.draft import Draft, Guess
+from roadlog.ingest import Source, expanded, open_source
+from roadlog.ingest.drafting.draft import Draft, Guess
+from roadlog.ingest.drafting.inference import by_data, gravity_unit
+from roadlog.ingest.drafting.names import TIME, WORDED, bare, folded, roles_of, stated_unit, unit_of
+from roadlog.ingest.formats import times
 from roadlog.ingest.frame import Frame, joined
-from roadlog.ingest.inference import by_data, gravity_unit
-from roadlog.ingest.names import TIME, WORDED, bare, folded, roles_of, stated_unit, unit_of
 from roadlog.ingest.profile import AXES, Clock, Profile, fitting
 from roadlog.signals import SIGNALS
 

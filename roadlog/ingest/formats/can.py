@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.errors import LogReadError, MissingExtraError, near
-from roadlog.ingest import obd
+from roadlog.ingest.formats import obd
+from roadlog.ingest.formats.parsers import guarded, readable
 from roadlog.ingest.frame import Frame, Recording, absent
-from roadlog.ingest.parsers import guarded, readable
 from roadlog.ingest.profile import Profile
-from roadlog.storage.spool import Spool
+from roadlog.spool import Spool
 from roadlog.types import Bools, Floats, Stamps
 
 EXTENDED = 1 << 31  # marks a 29-bit identifier, as in a DBC file

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from roadlog.errors import LogReadError, MissingExtraError
-from roadlog.ingest import can
+from roadlog.ingest.formats import can
+from roadlog.ingest.formats.parsers import guarded
 from roadlog.ingest.frame import Recording
-from roadlog.ingest.parsers import guarded
 from roadlog.ingest.profile import Profile
-from roadlog.storage.spool import ROWS
+from roadlog.spool import ROWS
 
 PAYLOAD = 64  # bytes, CAN FD
 HEAD = 4096  # bytes looked at

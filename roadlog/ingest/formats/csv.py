@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.errors import LogReadError
-from roadlog.ingest import times
+from roadlog.ingest.formats import times
 from roadlog.ingest.frame import Frame, Recording, absent
 from roadlog.ingest.profile import Profile
-from roadlog.storage.spool import Spool
+from roadlog.spool import Spool
 
 BLOCK = 1 << 24  # bytes parsed at a time: bounds the memory of text beside that of numbers
 HEAD = 1 << 16  # bytes in which the header and the first row are
@@ -146,7 +146,7 @@ class _Reading:
 
     def take(self, block: bytes) -> None:
         """Parse a block; what is left of it waits for the next one."""
-        from roadlog.ingest import numbers
+        from roadlog.ingest.formats import numbers
 
         data = np.frombuffer(self.rest + block, np.uint8)
         comma = self.layout.delimiter != ","
@@ -170,7 +170,7 @@ class _Reading:
             raise LogReadError(f"{self.path}: is no text table: a quote or line does not end")
 
     def _keep(self, data: NDArray, rows: int) -> None:
-        from roadlog.ingest import numbers
+        from roadlog.ingest.formats import numbers
 
         kinds, values, integers, spans = (part[:rows] for part in self.room)
         if not rows:

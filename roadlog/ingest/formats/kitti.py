@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from roadlog.errors import LogReadError
-from roadlog.ingest import times
+from roadlog.ingest.formats import times
 from roadlog.ingest.frame import Frame, Recording
 from roadlog.ingest.profile import Profile
 from roadlog.types import Floats

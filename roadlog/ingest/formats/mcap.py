@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.errors import LogReadError
-from roadlog.ingest import ros, times
+from roadlog.ingest.formats import ros, times
+from roadlog.ingest.formats.magic import begins
 from roadlog.ingest.frame import Frame, Recording, absent, unread
-from roadlog.ingest.magic import begins
 from roadlog.ingest.profile import Clock, Profile
 from roadlog.storage import Channel, LogReader, Table
 from roadlog.types import Bools, Stamps

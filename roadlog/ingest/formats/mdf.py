@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.errors import LogReadError, MissingExtraError
-from roadlog.ingest import can, times
+from roadlog.ingest.formats import can, times
+from roadlog.ingest.formats.magic import begins
+from roadlog.ingest.formats.parsers import guarded
 from roadlog.ingest.frame import Frame, Recording, absent, unread
-from roadlog.ingest.magic import begins
-from roadlog.ingest.parsers import guarded
 from roadlog.ingest.profile import Profile
-from roadlog.storage.spool import Spool
+from roadlog.spool import Spool
 from roadlog.types import Stamps
 
 MAGIC = b"MDF     "

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.errors import LogReadError
+from roadlog.ingest.formats.times import LAST_STAMP
 from roadlog.ingest.frame import Frame, Recording
 from roadlog.ingest.profile import Profile
-from roadlog.ingest.times import LAST_STAMP
 from roadlog.types import Floats, Stamps
 
 POSITIVE = 0x41  # answer to service 01

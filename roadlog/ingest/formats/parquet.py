@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.errors import LogReadError, MissingExtraError
-from roadlog.ingest import times
+from roadlog.ingest.formats import times
+from roadlog.ingest.formats.magic import begins
+from roadlog.ingest.formats.parsers import guarded
 from roadlog.ingest.frame import Frame, Recording, absent
-from roadlog.ingest.magic import begins
-from roadlog.ingest.parsers import guarded
 from roadlog.ingest.profile import Profile
-from roadlog.storage.spool import ROWS, Spool
+from roadlog.spool import ROWS, Spool
 
 MAGIC = b"PAR1"
 

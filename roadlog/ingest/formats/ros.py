@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from roadlog.errors import LogReadError, MissingExtraError
+from roadlog.ingest.formats.magic import begins
+from roadlog.ingest.formats.parsers import guarded
 from roadlog.ingest.frame import Frame, Recording, absent
-from roadlog.ingest.magic import begins
-from roadlog.ingest.parsers import guarded
 from roadlog.ingest.profile import Profile
 from roadlog.types import Stamps
 

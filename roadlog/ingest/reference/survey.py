@@ -11,8 +11,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from roadlog.errors import ConfigError, LogReadError, near
-from roadlog.ingest import truth
-from roadlog.ingest.csv import layout
+from roadlog.ingest.formats.csv import layout
+from roadlog.ingest.reference import gnss as truth
 from roadlog.signals import SECTIONS
 from roadlog.storage import Table
 from roadlog.types import Floats, Stamps

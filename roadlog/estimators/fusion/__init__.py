@@ -1,0 +1,1 @@
+"""`fusion`: a smoother over the whole drive with everything that the log has."""

@@ -1,0 +1,1 @@
+"""Luo 2024: tire-force based grade and bank, and its baselines."""

@@ -1,0 +1,1 @@
+"""`profile new`: a profile drafted from a source's names, units and data."""

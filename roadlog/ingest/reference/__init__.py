@@ -1,0 +1,1 @@
+"""Truth that is made: from GNSS altitude or from a survey."""

@@ -1,0 +1,1 @@
+"""Evidence in a drive of how the car moved and how its IMU lies."""
