@@ -34,7 +34,7 @@ from roadlog.estimators.fusion.model import (
     transition,
 )
 from roadlog.estimators.fusion.priors import FusionParameters, mounting_prior, noise_of, priors
-from roadlog.estimators.fusion.smoother import soft_variance
+from roadlog.estimators.fusion.recursion import soft_variance
 from roadlog.estimators.fusion.speed import speed_source
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import Simulation, simulate

@@ -5,10 +5,12 @@ import pytest
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
+from roadlog.estimators.fusion.bryson_frazier import PIECE
 from roadlog.estimators.fusion.inputs import build, with_fixes
 from roadlog.estimators.fusion.model import BA, BAROMETER, CLOSURE, ROWS, N, Noise, Steps
 from roadlog.estimators.fusion.priors import FusionParameters, mounting_prior, noise_of, priors
-from roadlog.estimators.fusion.smoother import PIECE, prediction, residual_row, smooth
+from roadlog.estimators.fusion.recursion import prediction, residual_row
+from roadlog.estimators.fusion.smoother import smooth
 from roadlog.estimators.fusion.speed import speed_source
 from roadlog.types import Floats
 

@@ -18,6 +18,7 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, runs
 from roadlog.estimate import Detail, Estimate, complete_angles
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag
+from roadlog.estimators.fusion.bryson_frazier import filtered
 from roadlog.estimators.fusion.innovations import CHANGED, scales
 from roadlog.estimators.fusion.inputs import build, grid, with_fixes
 from roadlog.estimators.fusion.model import (
@@ -73,7 +74,8 @@ from roadlog.estimators.fusion.priors import (
     noise_of,
     priors,
 )
-from roadlog.estimators.fusion.smoother import OWN_STATES, Smoothed, filtered, smooth
+from roadlog.estimators.fusion.recursion import OWN_STATES
+from roadlog.estimators.fusion.smoother import Smoothed, smooth
 from roadlog.estimators.fusion.speed import SpeedSource, gnss_delay, speed_source
 from roadlog.estimators.fusion.torque import torque_bias
 from roadlog.filters import Engine

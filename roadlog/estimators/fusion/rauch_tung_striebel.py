@@ -7,7 +7,7 @@ from filterpy.kalman import KalmanFilter
 
 from roadlog.estimators.fusion.model import MOVING, ROWS, N, Noise, Steps
 from roadlog.estimators.fusion.outputs import given_variances, output_rows
-from roadlog.estimators.fusion.smoother import (
+from roadlog.estimators.fusion.recursion import (
     is_reported,
     prediction,
     residual_row,
