@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import os
 import platform
-import re
 import sys
 import tempfile
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
+from roadlog.extras import PACKAGE, Requirement, requirements
 from roadlog.version import __version__
 
-PACKAGE = "roadlog"
 NOT_FOR_USERS = ("all", "dev", "docs")  # extras: a sum of others, and what developers need
 
 
@@ -42,26 +41,20 @@ def examine() -> list[Finding]:
 
 def _packages() -> list[Finding]:
     """Every requirement of the installed package: the core ones must be there."""
-    findings = []
     try:
-        requirements = metadata.requires(PACKAGE) or []
+        known = requirements()
     except metadata.PackageNotFoundError:
         return [Finding("core", PACKAGE, None, "runs from its sources and is not installed")]
-    for requirement in requirements:
-        name = re.match(r"[\w.-]+", requirement)
-        extra = re.search(r"extra == ['\"]([\w-]+)['\"]", requirement)
-        if name is None or name.group() == PACKAGE or (extra and extra[1] in NOT_FOR_USERS):
-            continue
-        topic = f"extra {extra[1]}" if extra else "core"
-        wanted = requirement.partition(";")[0].strip()
-        try:
-            found, ok = metadata.version(name.group()), True
-        except metadata.PackageNotFoundError:
-            hint = f"pip install 'roadlog[{extra[1]}]'" if extra else f"pip install '{wanted}'"
-            findings.append(Finding(topic, wanted, None if extra else False, f"missing: {hint}"))
-            continue
-        findings.append(Finding(topic, wanted, ok, found))
-    return findings
+    return [_package(r) for r in known if r.extra not in NOT_FOR_USERS]
+
+
+def _package(needed: Requirement) -> Finding:
+    topic = f"extra {needed.extra}" if needed.extra else "core"
+    if version := needed.version:
+        return Finding(topic, needed.wanted, True, version)
+    what = f"roadlog[{needed.extra}]" if needed.extra else needed.wanted
+    hint = f"missing: pip install '{what}'"
+    return Finding(topic, needed.wanted, None if needed.extra else False, hint)
 
 
 def _schemas() -> Finding:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from typing import Annotated
 
 import typer
@@ -70,7 +71,8 @@ _register()
 
 
 def main() -> None:
-    """Run the command line; exit codes as in design section 5."""
+    """Run the command line; exit codes as in docs/errors.md."""
+    warnings.showwarning = console.show_warning
     try:
         app()
     except RoadlogError as error:

@@ -26,6 +26,11 @@ def complain(text: str) -> None:
     sys.stderr.write(f"roadlog: {_plain(text)}\n")
 
 
+def show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    """`warnings.showwarning` of the command line: one line, without where in the code it was."""
+    complain(f"warning: {message}")
+
+
 def _plain(line: str) -> str:
     """Without what steers a terminal: names in a log are anyone's."""
     return "".join(c if c.isprintable() or c == "\t" else "?" for c in line)

@@ -6,9 +6,9 @@ import dataclasses
 import time
 from collections.abc import Mapping
 from importlib import import_module
-from importlib.metadata import entry_points
 from typing import Any
 
+from roadlog import plugins
 from roadlog.car.correction import applied, corrected
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
@@ -51,13 +51,13 @@ def get(name: str) -> Estimator:
     """
     if name in TABLE:
         return _load(TABLE[name])
+    added = plugins.installed(ENTRY_POINTS, Estimator)
+    if name in added:
+        return added[name]
     for estimator in all_estimators():
         if name in estimator.aliases:
             return estimator
-    for point in entry_points(group=ENTRY_POINTS):
-        if point.name == name:
-            return _checked(point.load(), f"plug-in {point.value}")
-    raise ConfigError(f"no estimator '{name}'. {near(name, TABLE)}")
+    raise ConfigError(f"no estimator '{name}'. {near(name, [*TABLE, *added])}")
 
 
 def all_estimators() -> list[Estimator]:
@@ -102,9 +102,3 @@ def run(
 def _load(target: str) -> Estimator:
     module, attribute = target.split(":")
     return getattr(import_module(module), attribute)
-
-
-def _checked(found: Any, where: str) -> Estimator:
-    if not isinstance(found, Estimator):
-        raise ConfigError(f"{where}: is no roadlog.estimators.base.Estimator but {type(found)}")
-    return found

@@ -1,17 +1,17 @@
-"""Sources of every kind to one drive log: one module a format, `profile` for what names mean."""
+"""Sources of every kind to one drive log: `formats` to read them, `profile` for what names mean."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from importlib import import_module
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol, cast
 
 from roadlog.errors import ConfigError, LogReadError, near
 from roadlog.ingest import clocks, mapping
+from roadlog.ingest.formats import format_of, understood
+from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.parsers import readable
 from roadlog.ingest.frame import Frame, Recording, joined
 from roadlog.ingest.mapping import Mapped
@@ -21,24 +21,6 @@ from roadlog.ingest.reference import survey
 from roadlog.spool import blocks, release
 from roadlog.storage import Table
 from roadlog.types import Stamps
-
-# in the order in which they are asked; each knows its sources by their content
-FORMATS = ("comma2k19", "kitti", "ros", "mcap", "mdf", "parquet", "obd", "can_trace", "csv")
-KNOWN = (
-    "comma2k19 and KITTI folders, ROS bags, MCAP, MDF, Parquet, OBD logs, CAN traces, text tables"
-)
-
-
-class Format(Protocol):
-    """What a format module offers.
-
-    `PROFILE` names the profile of a format that always has the same names; of others, `names`
-    says what a profile may refer to.
-    """
-
-    def recognizes(self, path: Path) -> bool: ...
-    def names(self, path: Path, dbc: Sequence[Path]) -> set[str]: ...
-    def read(self, path: Path, profile: Profile, dbc: Sequence[Path]) -> Recording: ...
 
 
 @dataclass(frozen=True)
@@ -62,7 +44,7 @@ class IngestResult:
 
 @dataclass(frozen=True)
 class Source:
-    """One source with the module that reads it and the profile that says what its names mean."""
+    """One source with the format that reads it and the profile that says what its names mean."""
 
     path: Path
     format: Format
@@ -141,26 +123,18 @@ def expanded(
     found: list[Path] = []
     databases, ignored = list(dbc), []
     for path in paths:
-        if not path.is_dir() or _module(path) is not None:
+        if not path.is_dir() or format_of(path) is not None:
             found.append(path)
             continue
         files = sorted(p for p in path.iterdir() if p.is_file() and not p.name.startswith("."))
-        inside = [p for p in files if p.stat().st_size and _module(p) is not None]
+        inside = [p for p in files if p.stat().st_size and format_of(p) is not None]
         if not inside:
-            raise LogReadError(f"{path}: holds no file of a format that is understood ({KNOWN})")
+            raise LogReadError(f"{path}: holds no file of a known format; {understood()}")
         found += inside
         if not dbc:
             databases += [p for p in files if p.suffix.lower() == ".dbc"]
         ignored += [p.name for p in files if p not in inside and p not in databases]
     return found, databases, ignored
-
-
-def _module(path: Path) -> Format | None:
-    for name in FORMATS:
-        module = cast(Format, import_module(f"roadlog.ingest.formats.{name}"))
-        if module.recognizes(path):
-            return module
-    return None
 
 
 def open_source(path: Path, profile: Profile | None, dbc: Sequence[Path]) -> Source:
@@ -171,16 +145,17 @@ def open_source(path: Path, profile: Profile | None, dbc: Sequence[Path]) -> Sou
     if path.is_file() and not path.stat().st_size:
         raise LogReadError(f"{path}: is empty; nothing to ingest")
     with readable(path):
-        module = _module(path)
-        if module is None:
-            raise LogReadError(f"{path}: is none of the formats that are understood ({KNOWN})")
-        return Source(path, module, profile or _own_profile(module, path, dbc))
+        found = format_of(path)
+        if found is None:
+            raise LogReadError(f"{path}: is of no known format; {understood()}")
+        return Source(path, found, profile or _own_profile(found, path, dbc))
 
 
-def _own_profile(module: Format, path: Path, dbc: Sequence[Path]) -> Profile:
+def _own_profile(format_: Format, path: Path, dbc: Sequence[Path]) -> Profile:
     """The profile that a source asks for by its kind or by its names."""
-    own = getattr(module, "PROFILE", "")
-    found = Profile.load(own) if own else fitting(module.names(path, dbc))
+    if format_.profile:
+        return replace(Profile.load(format_.profile), family=True)
+    found = fitting(format_.names(path, dbc))
     if found is None:
         raise ConfigError(
             f"{path.name}: say what its names mean with --profile (a file, or one of: "

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from roadlog.storage.columns import Layout, Value
+from roadlog.storage.encodings import Codec, Encoding, Layout, Value
 from roadlog.storage.records import Damage, Schema
 
 ENCAPSULATION = 4  # bytes: 0, endianness, options; alignment counts from behind it
@@ -93,7 +93,7 @@ class _Walk:
                 self.values[f"{path}.{k}"] = Value(start + k * dtype.itemsize, dtype)
 
 
-class Cdr:
+class Cdr(Codec):
     """Codec of a `ros2msg` schema. Raises Damage when the schema cannot be used."""
 
     def __init__(self, schema: Schema) -> None:
@@ -219,3 +219,6 @@ def _short(name: str) -> str:
     """`package/msg/Type` as `package/Type`."""
     parts = name.split("/")
     return f"{parts[0]}/{parts[-1]}" if len(parts) > 1 else name
+
+
+ENCODING = Encoding("cdr", ("ros2msg",), Cdr)

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.storage.container import Bytes, Offsets, varying, word
+from roadlog.storage.encodings import Codec, Layout, Value
 from roadlog.storage.records import LOG_TIME, MESSAGE_HEAD, PREFIX, PUBLISH_TIME
 from roadlog.types import Stamps
 
@@ -23,46 +24,6 @@ MAX_LAYOUTS = 32  # for one length of message; beyond, message by message
 LAST_STAMP = 2**63 - 1  # ns, year 2262
 
 Rows = slice | NDArray[np.intp]
-
-
-@dataclass(frozen=True)
-class Value:
-    """Where a value lies in a payload.
-
-    dtype: of the stored value. varint: its bytes, 0 for fixed width. zigzag: as in protobuf sint.
-    """
-
-    offset: int
-    dtype: np.dtype
-    varint: int = 0
-    zigzag: bool = False
-
-
-@dataclass(frozen=True)
-class Layout:
-    """What messages of one length have in common.
-
-    values: column -> place. absent: columns whose value is not in the message -> their value (NaN
-    or a default). mask: bytes of the payload that must be equal under it.
-    """
-
-    values: Mapping[str, Value]
-    absent: Mapping[str, float]
-    mask: bytes
-
-
-class Codec(Protocol):
-    """How the payloads of a channel are read.
-
-    dtypes: the columns that are known beforehand. layout: of one payload, None where it has to be
-    decoded on its own. decode: one payload, column -> value; raises ValueError.
-    """
-
-    @property
-    def dtypes(self) -> Mapping[str, np.dtype]: ...
-
-    def layout(self, payload: bytes) -> Layout | None: ...
-    def decode(self, payload: bytes) -> Mapping[str, Any]: ...
 
 
 class Matcher:
@@ -260,7 +221,7 @@ class Columns:
         for payload in matrix[:, MESSAGE_HEAD:]:
             try:
                 found.append(self.codec.decode(payload.tobytes()))
-            except ValueError:
+            except Exception:  # a payload is anyone's, and so may a codec be
                 self.lost += 1
                 found.append({})
         self.by_hand += len(found)

@@ -1,30 +1,23 @@
-"""JSON payloads, message by message: `columns` finds no layout in text."""
+"""JSON payloads, message by message: text has no layout."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
-
-from roadlog.storage.columns import Layout
+from roadlog.storage.encodings import Codec, Encoding
 from roadlog.storage.records import Schema
 
 MAX_ELEMENTS = 64  # of an array that become columns
 MAX_DEPTH = 16  # of nested objects
 
 
-class Json:
+class Json(Codec):
     """Codec of JSON objects, with any schema or none."""
 
     def __init__(self, schema: Schema | None) -> None:
         del schema
-        self.dtypes: Mapping[str, np.dtype] = {}
-
-    def layout(self, payload: bytes) -> Layout | None:
-        del payload
-        return None
 
     def decode(self, payload: bytes) -> dict[str, Any]:
         try:
@@ -43,3 +36,6 @@ def _numbers(value: Any, path: str, depth: int) -> Iterator[tuple[str, float]]:
         items = value.items() if isinstance(value, dict) else enumerate(value[:MAX_ELEMENTS])
         for key, inner in items:
             yield from _numbers(inner, f"{path}.{key}" if path else str(key), depth + 1)
+
+
+ENCODING = Encoding("json", ("jsonschema", ""), Json)

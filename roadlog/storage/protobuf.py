@@ -13,7 +13,7 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message import DecodeError
 
-from roadlog.storage.columns import Layout, Value
+from roadlog.storage.encodings import Codec, Encoding, Layout, Value
 from roadlog.storage.records import Damage, Schema
 
 VARINT, FIXED64, LENGTH, FIXED32 = 0, 1, 2, 5  # wire types; groups (3, 4) have no layout
@@ -75,7 +75,7 @@ class _Found:
     elements: dict[str, int] = dataclass_field(default_factory=dict)
 
 
-class Protobuf:
+class Protobuf(Codec):
     """Codec of a protobuf schema. Raises Damage when the schema cannot be used."""
 
     def __init__(self, schema: Schema) -> None:
@@ -260,3 +260,6 @@ def _add_files(
 
     for name in files:
         add(name, ())
+
+
+ENCODING = Encoding("protobuf", ("protobuf",), Protobuf)

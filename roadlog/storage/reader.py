@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import lru_cache
 from itertools import accumulate, chain, groupby
 from pathlib import Path
 from typing import TypeVar
 
 from roadlog.errors import LogReadError, MissingSignalError, near
 from roadlog.storage import container, journal
-from roadlog.storage.cdr import Cdr
-from roadlog.storage.columns import Codec, Columns, merged
+from roadlog.storage.columns import Columns, merged
 from roadlog.storage.container import Source
 from roadlog.storage.contents import contents
-from roadlog.storage.json_text import Json
-from roadlog.storage.protobuf import Protobuf
+from roadlog.storage.encodings import Codec, codec_of
 from roadlog.storage.records import (
     MAGIC,
     MESSAGE_HEAD,
@@ -221,23 +218,6 @@ class LogReader:
             raise LogReadError(f"{self.path}: {loss}")
         if loss not in self.losses:
             self.losses.append(loss)
-
-
-# message encoding -> schema encodings that say what it means, and the codec
-CODECS: dict[str, tuple[tuple[str, ...], Callable[[Schema], Codec]]] = {
-    "protobuf": (("protobuf",), Protobuf),
-    "cdr": (("ros2msg",), Cdr),
-    "json": (("jsonschema", ""), Json),
-}
-
-
-@lru_cache(maxsize=256)
-def codec_of(encoding: str, schema: Schema) -> Codec:
-    """The codec of a channel; it holds nothing of any message. Raises Damage."""
-    encodings, codec = CODECS.get(encoding, ((), Json))
-    if schema.encoding not in encodings:
-        raise Damage(f"'{encoding}' with schema '{schema.encoding}' is not understood")
-    return codec(schema)
 
 
 def _batches(chunks: Sequence[Chunk]) -> Iterator[list[Chunk]]:

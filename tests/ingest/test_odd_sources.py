@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from support.drive_formats import DBC, payloads, profile_of, write_kitti, write_
 
 from roadlog import cli
 from roadlog.ingest import ingest
+from roadlog.ingest.formats import ros
 from roadlog.log import DriveLog
 
 SPEED = '[speed]\nv = { from = "v", unit = "m/s" }\n'
@@ -406,6 +408,7 @@ def test_a_file_that_may_not_be_read_is_one_line(tmp_path, monkeypatch, command)
     def refuse(self: Path, *_: object, **__: object) -> None:
         raise PermissionError(13, "Permission denied", str(self))
 
-    monkeypatch.setattr("roadlog.ingest.formats.ros.recognizes", refuse)
+    broken = replace(ros.FORMAT, recognizes=refuse)
+    monkeypatch.setattr("roadlog.ingest.formats.ros.FORMAT", broken)
     said = refused(command, tmp_path, path)
     assert said == f"roadlog: {path}: cannot be read: Permission denied\n"

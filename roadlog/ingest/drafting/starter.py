@@ -40,9 +40,10 @@ def starter(sources: Sequence[Path | str], dbc: Sequence[Path] = ()) -> str:
     """
     paths, databases, _ = expanded([Path(source) for source in sources], dbc)
     opened = [open_source(path, _Everything("everything", ""), databases) for path in paths]
-    own = {getattr(source.format, "PROFILE", "") for source in opened}
-    if len(own) == 1 and (name := own.pop()):
-        return f"# the shipped profile {name}, which fits this source\n{Profile.load(name).text}"
+    own = {source.format.profile for source in opened}
+    if len(own) == 1 and (shared := own.pop()):
+        profile = Profile.load(shared)
+        return f"# the profile {profile.name}, which fits this source\n{profile.text}"
     clock = _clock(opened)
     frames: list[Frame] = []
     unclear = False
@@ -50,7 +51,7 @@ def starter(sources: Sequence[Path | str], dbc: Sequence[Path] = ()) -> str:
         try:
             recording = _with(source, clock).read(databases)
         except ConfigError:
-            if clock.unit or not _is_table(source):
+            if clock.unit or not source.format.is_table:
                 raise
             clock, unclear = replace(clock, unit="s"), True
             recording = _with(source, clock).read(databases)
@@ -73,14 +74,10 @@ def starter(sources: Sequence[Path | str], dbc: Sequence[Path] = ()) -> str:
     return draft.toml()
 
 
-def _is_table(source: Source) -> bool:
-    return source.format.__name__.rpartition(".")[2] in ("csv", "parquet")  # type: ignore[attr-defined]
-
-
 def _clock(opened: Sequence[Source]) -> Clock:
     """The time column of the tables among the sources, and the unit its name states."""
     for source in opened:
-        if not _is_table(source):
+        if not source.format.is_table:
             continue
         names = sorted(source.format.names(source.path, ()))
         try:

@@ -12,6 +12,7 @@ import numpy as np
 
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.ingest.formats import can
+from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.parsers import guarded
 from roadlog.ingest.frame import Recording
 from roadlog.ingest.profile import Profile
@@ -119,3 +120,13 @@ class _Batch:
             np.frombuffer(bytes(self.payload[: n * PAYLOAD]), np.uint8).reshape(-1, PAYLOAD),
             np.array(self.length, np.uint8),
         )
+
+
+FORMAT = Format(
+    name="can_trace",
+    about="CAN traces",
+    recognizes=recognizes,
+    read=read,
+    names=names,
+    extra="can",
+)

@@ -5,16 +5,17 @@ Schafer et al. 2018, "A Commute in Data: The comma2k19 Dataset", arXiv:1812.0575
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from roadlog.errors import LogReadError
+from roadlog.ingest.formats.base import Format
 from roadlog.ingest.frame import Frame, Recording
 from roadlog.ingest.profile import Profile
 from roadlog.types import Floats, Stamps
 
-PROFILE = "comma2k19"
 GPS_EPOCH = 315_964_800  # s, 1980-01-06 in Unix time
 LEAP_SECONDS = 18  # GPS - UTC since 2017; the data set is of 2018
 WEEK = 604_800  # s
@@ -36,7 +37,7 @@ def recognizes(path: Path) -> bool:
     return (path / "processed_log").is_dir() or (path / "global_pose").is_dir()
 
 
-def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
+def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """Every signal of a segment, and angles from its pose. Raises LogReadError."""
     del profile, dbc  # the arrays are small: all are read
     pose = path / "global_pose"
@@ -121,3 +122,12 @@ def _rotations(quaternions: Floats) -> Floats:
         ],
         axis=1,
     )
+
+
+FORMAT = Format(
+    name="comma2k19",
+    about="comma2k19 segments",
+    recognizes=recognizes,
+    read=read,
+    profile="comma2k19",
+)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import codecs
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from roadlog.errors import LogReadError
 from roadlog.ingest.formats import times
+from roadlog.ingest.formats.base import Format
 from roadlog.ingest.frame import Frame, Recording, absent
 from roadlog.ingest.profile import Profile
 from roadlog.spool import Spool
@@ -51,7 +52,7 @@ def recognizes(path: Path) -> bool:
         return False
 
 
-def names(path: Path, dbc: object = ()) -> set[str]:
+def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
     """Column names."""
     del dbc
     return set(layout(path).names)
@@ -94,7 +95,7 @@ def layout(path: Path) -> Layout:
     return Layout(encoding, delimiter, header, units, start)
 
 
-def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
+def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """The columns that the profile reads; of the others only the names (as empty columns).
 
     Raises LogReadError naming the row, ConfigError when there is no time column.
@@ -315,3 +316,13 @@ def _blocks(file: IO[bytes], encoding: str) -> Iterator[bytes]:
         yield block
     if end != b"\n":
         yield b"\n"
+
+
+FORMAT = Format(
+    name="csv",
+    about="text tables",
+    recognizes=recognizes,
+    read=read,
+    names=names,
+    is_table=True,
+)

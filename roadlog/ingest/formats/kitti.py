@@ -6,17 +6,18 @@ axes x forward, y left, z up; roll: left side up +, pitch: front down +.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from roadlog.errors import LogReadError
 from roadlog.ingest.formats import times
+from roadlog.ingest.formats.base import Format
 from roadlog.ingest.frame import Frame, Recording
 from roadlog.ingest.profile import Profile
 from roadlog.types import Floats
 
-PROFILE = "kitti"
 # fmt: off
 FIELDS = (
     "lat", "lon", "alt", "roll", "pitch", "yaw", "vn", "ve", "vf", "vl", "vu", "ax", "ay", "az",
@@ -43,7 +44,7 @@ def _folder(path: Path) -> Path | None:
     )
 
 
-def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
+def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """Every figure, and derived: speed [m/s], course [rad, ccw from east], grade [rad].
 
     Raises LogReadError.
@@ -94,3 +95,12 @@ def _derived(c: dict[str, Floats]) -> dict[str, Floats]:
     grade = np.where(moving, np.arctan2(c["vu"], level), np.nan)
     course = np.where(moving, np.arctan2(c["vn"], c["ve"]), np.nan)
     return {"speed": level, "course": course, "grade": grade}
+
+
+FORMAT = Format(
+    name="kitti",
+    about="KITTI folders",
+    recognizes=recognizes,
+    read=read,
+    profile="kitti",
+)

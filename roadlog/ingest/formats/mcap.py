@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from roadlog.errors import LogReadError
 from roadlog.ingest.formats import ros, times
+from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.magic import begins
 from roadlog.ingest.frame import Frame, Recording, absent, unread
 from roadlog.ingest.profile import Clock, Profile
-from roadlog.storage import Channel, LogReader, Table
+from roadlog.storage import MAGIC, Channel, LogReader, Table
 from roadlog.types import Bools, Stamps
 
-MAGIC = b"\x89MCAP0\r\n"
 FIRST = 2_000_000_000  # ns of each topic that are looked at for its fields
 # seconds and nanoseconds of a message's own stamp, as ROS, protobuf and JSON spell them
 STAMPS = [
@@ -31,7 +31,7 @@ def recognizes(path: Path) -> bool:
     return begins(path, MAGIC)
 
 
-def names(path: Path, dbc: object = ()) -> set[str]:
+def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
     """`KIND.field` and `TOPIC.field` of every numeric field."""
     del dbc
     with LogReader(path) as reader:
@@ -43,7 +43,7 @@ def names(path: Path, dbc: object = ()) -> set[str]:
         }
 
 
-def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
+def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """Fields that the profile reads, one frame a topic; of the others only the names.
 
     Time is the clock that the profile chooses: log, publish, or header for a message's own stamp.
@@ -121,3 +121,12 @@ def _time(table: Table, clock: Clock, stamp: list[str], where: str) -> tuple[Sta
         times.from_numbers(column, unit) for column, unit in zip(values, ("s", "ns"), strict=True)
     )
     return second[known[keep]] + rest[keep[known]], keep & known
+
+
+FORMAT = Format(
+    name="mcap",
+    about="MCAP files",
+    recognizes=recognizes,
+    read=read,
+    names=names,
+)

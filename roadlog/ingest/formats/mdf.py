@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.ingest.formats import can, times
+from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.magic import begins
 from roadlog.ingest.formats.parsers import guarded
 from roadlog.ingest.frame import Frame, Recording, absent, unread
@@ -231,3 +232,13 @@ def _bus_frames(group: _Group) -> Iterator[can.CanFrames]:
         marked = identifier.astype(np.uint32)
         marked = np.where(extended.astype(bool), marked | np.uint32(can.EXTENDED), marked)
         yield can.CanFrames(time, marked, np.atleast_2d(data), length.astype(np.uint8))
+
+
+FORMAT = Format(
+    name="mdf",
+    about="MDF files",
+    recognizes=recognizes,
+    read=read,
+    names=names,
+    extra="mdf",
+)

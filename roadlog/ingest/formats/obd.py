@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.errors import LogReadError
+from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.times import LAST_STAMP
 from roadlog.ingest.frame import Frame, Recording
 from roadlog.ingest.profile import Profile
@@ -17,7 +18,6 @@ from roadlog.types import Floats, Stamps
 
 POSITIVE = 0x41  # answer to service 01
 FRAME = "OBD"  # name of the frames that hold its parameters
-PROFILE = "obd2"
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def recognizes(path: Path) -> bool:
     return len(fields) >= 3 and len(fields[0]) == 13 and fields[0].isdigit()
 
 
-def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
+def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """The parameters of a text log, in the app's units. Raises LogReadError."""
     del profile, dbc
     rows: dict[int, tuple[list[int], list[float]]] = {}
@@ -95,3 +95,12 @@ def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
     if not frames:
         raise LogReadError(f"{path}: holds no standard parameter of service 01")
     return Recording(tuple(frames), (f"{path.name}: {bad} lines undecodable",) if bad else ())
+
+
+FORMAT = Format(
+    name="obd",
+    about="OBD logs",
+    recognizes=recognizes,
+    read=read,
+    profile="obd2",
+)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.ingest.formats import times
+from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.magic import begins
 from roadlog.ingest.formats.parsers import guarded
 from roadlog.ingest.frame import Frame, Recording, absent
@@ -25,13 +26,13 @@ def recognizes(path: Path) -> bool:
     return begins(path, MAGIC)
 
 
-def names(path: Path, dbc: object = ()) -> set[str]:
+def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
     """Column names."""
     del dbc
     return set(_opened(path).schema_arrow.names)
 
 
-def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
+def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """The columns that the profile reads; of the others only the names.
 
     Raises LogReadError, MissingExtraError, ConfigError when there is no time column.
@@ -98,3 +99,14 @@ def _array(column: Any) -> NDArray:
     if pyarrow.types.is_decimal(column.type) or pyarrow.types.is_boolean(column.type):
         column = column.cast(pyarrow.float64())
     return np.asarray(column.to_numpy(zero_copy_only=False))
+
+
+FORMAT = Format(
+    name="parquet",
+    about="Parquet tables",
+    recognizes=recognizes,
+    read=read,
+    names=names,
+    extra="table",
+    is_table=True,
+)

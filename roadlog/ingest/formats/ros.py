@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from roadlog.errors import LogReadError, MissingExtraError
+from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.magic import begins
 from roadlog.ingest.formats.parsers import guarded
 from roadlog.ingest.frame import Frame, Recording, absent
@@ -30,7 +31,7 @@ def recognizes(path: Path) -> bool:
     return begins(path, ROS1, SQLITE)
 
 
-def names(path: Path, dbc: object = ()) -> set[str]:
+def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
     """`KIND.field` and `TOPIC.field` of every numeric field."""
     del dbc
     with _opened(path) as reader:
@@ -42,7 +43,7 @@ def names(path: Path, dbc: object = ()) -> set[str]:
         }
 
 
-def read(path: Path, profile: Profile, dbc: object = ()) -> Recording:
+def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """Numeric fields that the profile reads, one frame a topic; of the others only the names.
 
     Time is that of recording, or the header's where the profile says so. Raises LogReadError,
@@ -152,3 +153,13 @@ def _opened(path: Path) -> Iterator[Any]:
         raise
     with closing(reader):
         yield reader
+
+
+FORMAT = Format(
+    name="ros",
+    about="ROS bags",
+    recognizes=recognizes,
+    read=read,
+    names=names,
+    extra="ros",
+)
