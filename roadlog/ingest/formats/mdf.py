@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import struct
 import tempfile
@@ -172,8 +173,10 @@ def _no_loops(path: Path, file: IO[bytes]) -> None:
     head = struct.Struct("<2s2sIQQ" if new else "<2sH")
     word = struct.Struct("<Q" if new else "<I")
 
+    size = file.seek(0, os.SEEK_END)
+
     def block(address: int) -> tuple[bytes, list[int]]:
-        file.seek(address)
+        file.seek(min(address, size))  # a broken link may lie beyond what a file can be
         start = file.read(head.size)
         if len(start) < head.size:
             return b"", []
