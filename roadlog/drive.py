@@ -22,7 +22,7 @@ MAX_DURATION = 7 * 86400.0  # s; beyond this the stamps are wrong, not the drive
 SPARSE_DURATION = 4 * 3600.0  # s; beyond this there has to be more than
 SPARSEST = 10.0  # s for each sample of the fullest channel
 
-# Methods, Massel chapter, sections 1.4 and 3.1
+# docs/methods/common.md#standstill and docs/methods/common.md#straight-driving
 ZERO_SPEED = 0.02  # m/s
 STANDSTILL_PAST = 0.5  # s
 STANDSTILL_FUTURE = 0.5  # s
@@ -206,14 +206,14 @@ class Drive(Columnar):
 
     @cached_property
     def standstill(self) -> Bools:
-        """True where the car stands, with hysteresis in past and future (Kim chapter 3.1)."""
+        """True where the car stands, with hysteresis in past and future."""
         if not self.has_speed:
             return np.zeros(len(self), np.bool_)
         return static_mask(self.speed, self.rate)
 
     @cached_property
     def straight(self) -> Bools:
-        """True where |yaw rate| max(v, 1 m/s) < 0.5 m/s2, or no yaw rate is known (1.4)."""
+        """True where |yaw rate| max(v, 1 m/s) < 0.5 m/s2, or no yaw rate is known."""
         if "imu.gyro_z" not in self or not self.has_speed:
             return np.ones(len(self), np.bool_)
         lateral = np.abs(self["imu.gyro_z"]) * np.maximum(self.speed, 1.0)
@@ -254,7 +254,7 @@ def resample(own: Floats, values: Floats, time: Floats, signal: Signal) -> Float
 
 
 def stale_limit(own: Floats) -> float:
-    """s, age at which a channel's newest sample no longer counts (design section 2)."""
+    """s, age at which a newest sample no longer counts; docs/methods/common.md#grid-and-gaps."""
     if len(own) < 2:
         return MIN_STALE
     return max(MIN_STALE, STALE_INTERVALS * float(np.median(np.diff(own))))
@@ -267,7 +267,7 @@ def static_mask(
     past: float = STANDSTILL_PAST,
     future: float = STANDSTILL_FUTURE,
 ) -> Bools:
-    """Zero-velocity detection with hysteresis in past and future (Kim 2023; chapter 3.1).
+    """Zero-velocity detection with hysteresis both ways; docs/methods/common.md#standstill.
 
     speed in m/s, NaN counts as moving; zero in m/s; past and future in s.
     """

@@ -1,4 +1,4 @@
-"""Estimates against truth (design section 7)."""
+"""Estimates against truth."""
 
 from __future__ import annotations
 
@@ -223,7 +223,7 @@ def to_json(
     remove_offset: bool = False,
     stops: dict[str, StopMetrics] | None = None,
 ) -> dict[str, Any]:
-    """The object that `roadlog evaluate --json` prints (design section 7).
+    """The object that `roadlog evaluate --json` prints.
 
     stops: the headlamp report, there when an estimate has events at stops.
     """

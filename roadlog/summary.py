@@ -24,7 +24,7 @@ class ChannelSummary:
 
     role: section of the vocabulary, `estimate`, or None for a channel that roadlog does not use.
     rate: Hz, median. jitter: s, sd of the intervals without the gaps. gaps: intervals beyond the
-    stale limit (design section 2), longest_gap the largest interval in s. nan_share: of the values
+    stale limit, longest_gap the largest interval in s. nan_share: of the values
     of the signals it has. not_monotonic: stamps that repeat or run backward.
     """
 

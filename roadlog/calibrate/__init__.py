@@ -1,6 +1,6 @@
 """Self-calibration: what drives tell of a car and its logger, without a data sheet.
 
-Source: fusion chapter, section 8. `calibrate` takes several drives of one car with one logger and
+Source: docs/calibration.md#how. `calibrate` takes several drives of one car with one logger and
 gives every constant with its standard error, what it rests on, or why it is not identifiable.
 """
 

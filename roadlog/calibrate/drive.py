@@ -1,6 +1,6 @@
 """All constants of one drive: coarse mounting, the smoother until it settles, and what follows.
 
-Source: fusion chapter, section 8.
+Source: docs/calibration.md#how.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from roadlog.units import STANDARD_GRAVITY as G
 DEG = np.pi / 180
 AXES = ("x", "y", "z")
 TURNS = ("mounting_roll", "mounting_pitch", "mounting_yaw")
-MOUNTING_SD = 3.0 * DEG  # prior of the fine mounting, section 8.1, at least
+MOUNTING_SD = 3.0 * DEG  # prior of the fine mounting, at least
 DELAY_SD = 0.1  # s, prior of the speed's delay in the smoother
 REST_DELAY_SD = 0.01  # s, the same once `speeds` has found it: the smoother takes slip for delay
 MAX_RUNS = 5  # of the smoother
 SETTLED, SETTLED_DELAY = 0.03 * DEG, 0.003  # rad, s; changes below which the last run stands
 TOLD = 0.5  # share of the prior sd, above which the data have told nothing
 CROSSFALL_SD = 1.5 * DEG  # of a drive's mean bank: what the mounting's roll is known to without
-WEAK_COHERENCE, WEAK_FACTOR = 0.9, 3.0  # section 10.5: yaw and its gyro bias are then overconfident
+WEAK_COHERENCE, WEAK_FACTOR = 0.9, 3.0  # yaw and its gyro bias are then overconfident
 COARSE_DELAY_SD = 0.1  # s, of the delay that the first comparison of accelerations gives
 DELAY_FLOOR = 0.01  # s, an IMU's own low-pass delays it by as much
 WORTH_DELAY = 0.12  # s, a delay less well known is none
@@ -41,7 +41,7 @@ ACCEL_FLOOR, GYRO_FLOOR = 0.01, 0.01 * DEG  # m/s2, rad/s: biases wander by this
 STRAINED = 0.1  # m/s2; an accelerometer bias beyond may as well be a wrong mounting
 STANCE_SD = 0.05 * DEG  # of the body's mean pitch in a drive: a driver leans it by as much
 UNSETTLED = 1.0  # share of the last change that a mounting which does not settle is uncertain by
-ARM_UNKNOWN = 0.03  # m/s2, section 10.4: curve-derived biases with unknown lever arms
+ARM_UNKNOWN = 0.03  # m/s2: curve-derived biases with unknown lever arms
 DRIVEN_SLIP, DRIVEN_GATE = 0.002, 4.0  # s2/m, sd: slip beyond both is that of a driven axle
 SHEET_LENGTH = 0.1  # m, of an axle distance that is only a default
 PRIORS = {  # sd before the data, in FusionParameters' defaults

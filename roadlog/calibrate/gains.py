@@ -1,6 +1,7 @@
 """Pitch and roll gradient of the suspension by instrumental variables.
 
-Source: fusion chapter, section 8.4. The smoothed absolute angles do not depend on the gradients;
+Source: docs/calibration.md#gradients-by-instrumental-variables. The smoothed absolute angles do
+not depend on the gradients;
 dv/dt and v r of the wheels are not moved by slopes, which the accelerometer is.
 """
 
@@ -26,7 +27,7 @@ SLOPE_WINDOW = 0.3  # s, for dv/dt
 SYSTEMATIC = 0.06  # share: braking and accelerating differ, springs are not linear
 PITCH_EXCITATION, ROLL_EXCITATION = 0.2, 0.1  # m/s2 rms in the band
 AGREEMENT = 0.15  # share by which the two bands of the roll gradient may differ
-ROLL_PRIOR_SD = 0.0015  # rad/(m/s2), section 3
+ROLL_PRIOR_SD = 0.0015  # rad/(m/s2)
 PRIOR_GATE = 3.0  # sd
 MIN_BLOCKS = 5
 WORTH = 0.5  # share of the value; a larger standard error says nothing

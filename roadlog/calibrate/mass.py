@@ -1,6 +1,7 @@
 """Mass and rolling resistance from wheel torques and the specific force along the road.
 
-Source: fusion chapter, section 8.6. F = m f + J/R2 dv/dt + f_rr m g + drag; the specific force f
+Source: docs/calibration.md#mass-and-rolling-resistance.
+F = m f + J/R2 dv/dt + f_rr m g + drag; the specific force f
 holds the slope already, so no slope need be known. J holds the wheels and, by the square of its
 gear, the engine: 3 to 6 % of a car in town.
 """

@@ -1,6 +1,7 @@
 """How the IMU is turned in the car, from nothing: gravity, and the speed's own accelerations.
 
-Source: fusion chapter, section 8.1. Up is the mean specific force once the accelerations that the
+Source: docs/calibration.md#mounting-from-gravity-and-speed. Up is the mean specific force once the
+accelerations that the
 speed and the yaw rate explain are taken off; forward is where the rest of the horizontal specific
 force goes with dv/dt, and to the left of it with v r.
 """
@@ -25,9 +26,7 @@ BLOCK = 4.0  # s, of the jackknife
 MOVING = 1.5  # m/s
 SLOPE_WINDOW = 0.3  # s, for dv/dt
 COHERENCE = 0.4  # below this the heading of the IMU is not told
-YAW_SD = np.radians(
-    10.0
-)  # nor beyond this; the chapter asks for 0.8, which rough roads do not give
+YAW_SD = np.radians(10.0)  # nor beyond this
 DELAYS: Floats = np.linspace(-0.5, 1.5, 41)  # s, tried for the speed; phones lag by up to 0.8 s
 DELAY_COST = 0.02  # coherence per s: on a circle a delay and a turn of the IMU look alike
 NEAR_DELAY = 0.12  # s, around the first answer, in which the delay is looked for again

@@ -3,8 +3,8 @@
 The accelerometer, freed of the slope by the smoothed inclination, says how the car's velocity
 changes, on the IMU's own clock. A speed channel that is late by tau falls short by tau times the
 acceleration; a wheel that slips under force runs ahead by its speed times the force. Over a drive
-the two differ, because speeds differ. Beyond section 8.2 of the fusion chapter, whose delays take
-slip for a lead of some 10 ms.
+the two differ, because speeds differ; without the slip term it reads as a lead of some 10 ms.
+Source: docs/calibration.md#delays-and-scales.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Cornering stiffness of both axles from the smoother's rear slip and the steering.
 
-Source: fusion chapter, section 8.5.
+Source: docs/calibration.md#cornering-stiffness.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MIN_SPEED = 4.0  # m/s
 MAX_YAW_ACCELERATION = 0.15  # rad/s2
 INDEPENDENT = 2.0  # samples per second that count as independent
 LATERAL = 0.5  # m/s2 rms, without which steering says nothing of the tires
-RACK_SHARE = 0.2  # the rack's own give is in the understeer (section 10.5)
+RACK_SHARE = 0.2  # the rack's own give is in the understeer
 SHEET_SHARE = 0.10  # of mass and axle distances that are only defaults
 WORTH = 0.3  # share; a slip gradient that uncertain gives no stiffness
 ARM_SD = 0.3  # m, of the rear axle's place: at one speed it looks like slip

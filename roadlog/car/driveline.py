@@ -13,7 +13,7 @@ from roadlog.types import Bools, Floats
 WHEELS = ("fl", "fr", "rl", "rr")
 DRIVE_ROLES = ("wheel_torques.drive_fl", "powertrain.engine_torque", "powertrain.drive_force")
 NEEDS_TORQUE = "|".join(DRIVE_ROLES)
-SHIFT_TIME = 0.5  # s around a change of gear in which the torque is not known; section 4.3
+SHIFT_TIME = 0.5  # s around a change of gear in which the torque is not known
 DRIVEN_SHARE = {
     "front": (0.5, 0.5, 0.0, 0.0),
     "rear": (0.0, 0.0, 0.5, 0.5),
@@ -40,7 +40,7 @@ class Driveline:
 def driveline(drive: Drive, vehicle: Vehicle) -> Driveline:
     """Wheel torques, from the first known of wheel torque, engine torque and drive force.
 
-    Source: Ryu/Luo chapter, sections 2 (reflected inertia), 4.1 and 4.3.
+    Source: docs/methods/common.md#driveline.
     """
     notes = []
     share = np.array(DRIVEN_SHARE[vehicle.driven])

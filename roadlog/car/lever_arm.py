@@ -10,7 +10,7 @@ from roadlog.drive import Drive
 from roadlog.filters.kernels import odd_window, slope
 from roadlog.types import Floats
 
-RATE_WINDOW = 0.5  # s, least-squares slope of the gyro (Ryu/Luo chapter, section 4, `imu_cg`)
+RATE_WINDOW = 0.5  # s, least-squares slope of the gyro
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ def specific_force_at_cg(
     """f_cg = f_imu - dw/dt x rho - w x (w x rho), rho = IMU position from the CG.
 
     Without a known position, or where the gyro is missing, the IMU's own reading is returned.
-    Source: Ryu/Luo chapter, section 4 (`imu_cg`).
+    Source: docs/methods/common.md#lever-arm.
     """
     f = [drive.get(f"imu.accel_{a}") for a in "xyz"]
     if imu_position is None or not any(imu_position):

@@ -1,6 +1,6 @@
 """The car in the road's plane under its tire forces: equations that both layers of tfobe share.
 
-Luo 2024, equations (2)-(5) and (12), corrected as in the Ryu/Luo chapter, sections 3.1 and 4.4.
+Luo 2024, equations (2)-(5) and (12), corrected: docs/methods/common.md#planar-car.
 Wheels in the order fl, fr, rl, rr.
 """
 

@@ -1,6 +1,6 @@
 """Speed of the center of gravity along and across the road, from wheels that slip, steer and rock.
 
-Ryu/Luo chapter, section 4 (`v` and v_y,ps); how wheels roll: section 5.3.
+Source: docs/methods/common.md#road-speed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from roadlog.drive import Drive
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
-SLIP_STIFFNESS = 22.3  # -, tire force per load and slip; CommonRoad vehicle models, K_x; 5.3
+SLIP_STIFFNESS = 22.3  # -, tire force per load and slip; docs/references.md#commonroad, K_x
 MAX_SLIP = 0.1  # - and rad, up to which a force is in proportion to its slip
 MAX_PITCH_RATE = 0.5  # rad/s; no body on wheels pitches faster
 
@@ -61,7 +61,7 @@ def lateral_velocity(drive: Drive, vehicle: Vehicle, f_y: Floats) -> Floats:
     """m/s at the CG, left +: v_y = b r - v a m f_y' / (L C_r), from the rear slip angle.
 
     f_y' = f_y (1 - g K_phi) is the lateral specific force in the road plane. Right on a banked
-    road, because f_y' m is the tire force. Source: Ryu/Luo chapter, section 4 (v_y,ps).
+    road, because f_y' m is the tire force. Source: docs/methods/common.md#lateral-velocity.
     """
     in_plane = f_y * (1 - G * vehicle.roll_gain)
     v_y = vehicle.cg_to_rear_axle * drive.get("imu.gyro_z")

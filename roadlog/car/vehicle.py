@@ -39,7 +39,7 @@ def _parameter(default: Any, unit: str, doc: str, key: str = "") -> Any:
 
 @dataclass(frozen=True)
 class Vehicle:
-    """What the estimators know of a car (vehicle file: design section 6).
+    """What the estimators know of a car; docs/calibration.md#the-constants-in-the-vehicle-file.
 
     The defaults describe a middle-class car and are good enough for methods that need only an
     order of magnitude; `sources` tells which values were given. None: not known, derived where a
@@ -135,16 +135,16 @@ class Vehicle:
             return self.pitch_gradient
         if self.pitch_stiffness is not None:
             return self.mass * self.cg_height / self.pitch_stiffness
-        return 0.005  # methods, fusion section 3: prior mean
+        return 0.005  # docs/methods/common.md#suspension-gains
 
     @property
     def roll_gain(self) -> float:
-        """rad/(m/s2), K_phi: given, or m h / k_r (Ryu/Luo chapter 4.6b), or a mean of cars."""
+        """rad/(m/s2), K_phi: given, or m h / k_r, or the mean of passenger cars."""
         if self.roll_gradient is not None:
             return self.roll_gradient
         if self.roll_stiffness is not None:
             return self.mass * self.roll_arm / self.roll_stiffness
-        return 0.0095  # methods, fusion section 3: prior mean
+        return 0.0095  # docs/methods/common.md#suspension-gains
 
     # TOML ---------------------------------------------------------------------------------
 
@@ -305,8 +305,8 @@ def _toml(value: Any) -> str:
 
 
 PRESETS: dict[str, dict[str, Any]] = {
-    # methods, Ryu/Luo chapter, section 2: late-1990s E-class estate, rounded catalogue values;
-    # stiffnesses and gains identified from the truth simulator by circle and chirp tests
+    # docs/methods/common.md#preset-cars: late-1990s E-class estate, rounded catalogue values;
+    # stiffnesses and gains identified from the simulated car by circle and chirp tests
     "wagon": {
         "mass": 1850.0,
         "cg_to_front_axle": 1.40,
@@ -368,7 +368,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "pitch_stiffness": 240584.0,
         "pitch_damping": 19616.0,
     },
-    # Massel 2004 gives no car; methods, Massel chapter, section 2.6
+    # Massel 2004 gives no car; docs/methods/common.md#preset-cars
     "massel2004": {
         "mass": 1600.0,
         "cg_height": 0.55,

@@ -17,7 +17,7 @@ def reproduce(
 ) -> None:
     """Run the papers' scenarios again, next to their own figures.
 
-    Columns: paper, documented (our chapter), now.
+    Columns: paper, documented (an earlier prototype), now.
 
     Example: roadlog reproduce wang2025
     """

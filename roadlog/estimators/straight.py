@@ -1,6 +1,6 @@
 """What the straight-driving methods share: speed, its derivative, matched forces, masks, noise.
 
-Massel/Kim/Wang chapter, section 1.
+Source: docs/methods/common.md.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ NOISE_TIME = 2.0  # s, window over which the sensors' noise is estimated from th
 
 @dataclass(frozen=True)
 class StraightParameters:
-    """What every straight-driving method may be told; section 1 of the chapter."""
+    """docs/methods/common.md#parameters-of-straight-driving-methods."""
 
     wheels: Literal["all", "front", "rear", "median"] = parameter(
-        "all", "", "wheels that give the speed; section 1.2"
+        "all", "", "wheels that give the speed"
     )
-    slope_time: float = parameter(0.3, "s", "window of the speed's derivative; section 1.3")
-    hold_time: float = parameter(5.0, "s", "the last value is held this long; section 1.5")
+    slope_time: float = parameter(0.3, "s", "window of the speed's derivative")
+    hold_time: float = parameter(5.0, "s", "the last value is held this long")
 
 
 P = TypeVar("P", bound=StraightParameters)
@@ -61,23 +61,23 @@ class Longitudinal:
 
     @property
     def sine(self) -> Floats:
-        """(f_x - dv/dt) / g, the sine of the inclination (section 1.7)."""
+        """(f_x - dv/dt) / g, sine of the inclination; docs/methods/massel2004.md#inclination."""
         return (self.f_x - self.vdot) / G
 
     @property
     def inclination(self) -> Floats:
-        """rad, asin((f_x - dv/dt) / g) (section 1.7)."""
+        """rad, asin((f_x - dv/dt) / g)."""
         return np.arcsin(np.clip(self.sine, -1.0, 1.0))
 
     @property
     def inclination_sd(self) -> Floats:
-        """rad, from the noise of the accelerometer and of the speed's derivative (section 1.7)."""
+        """rad, from the noise of the accelerometer and of the speed's derivative."""
         f_x_sd = self.f_x_sd / np.sqrt(self.kernel / 1.2)  # through the parabolic kernel
         return np.sqrt(f_x_sd**2 + self.vdot_sd**2) / G
 
 
 def longitudinal(drive: Drive, params: StraightParameters) -> Longitudinal:
-    """Speed, its derivative and the specific forces smoothed by the matched kernel (1.2, 1.3).
+    """Speed, its derivative, and forces smoothed alike; docs/methods/common.md#matched-kernel.
 
     A signal that the drive does not have is NaN everywhere.
     """
@@ -108,7 +108,7 @@ def selected_speed(drive: Drive, wheels: str) -> Floats:
 
 
 def noise_sd(values: Floats, n: int, rate: float) -> Floats:
-    """Standard deviation of one raw sample's noise: what the kernel over n samples takes away."""
+    """Standard deviation of one raw sample's noise: docs/methods/common.md#noise-from-the-log."""
     weights = parabola(n)
     removed = values - parabolic_mean(values, n)
     share = 1 - 2 * weights[n // 2] + float(weights @ weights)  # of white noise that is removed

@@ -1,4 +1,4 @@
-"""Exact discretization of a linear system with a held input (Ryu/Luo chapter, section 4.6)."""
+"""Exact discretization, held input; docs/methods/common.md#exact-discretization."""
 
 from __future__ import annotations
 

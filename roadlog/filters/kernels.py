@@ -1,4 +1,4 @@
-"""Smoothing and differentiating kernels on a uniform grid (Massel chapter, section 1.3)."""
+"""Smoothing and differentiating kernels; docs/methods/common.md#matched-kernel."""
 
 from __future__ import annotations
 

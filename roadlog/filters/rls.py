@@ -1,6 +1,6 @@
 """Recursive least squares with exponential forgetting for two parameters.
 
-Massel/Kim/Wang chapter, section 2.2 and appendix A.
+Source: docs/methods/common.md#recursive-least-squares.
 """
 
 from __future__ import annotations

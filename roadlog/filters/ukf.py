@@ -1,7 +1,8 @@
 """Unscented Kalman filter: the steps that every nonlinear estimator here shares.
 
 Merwe's scaled sigma points with alpha = 1, beta = 2, kappa = 0. The small alpha = 1e-3 of the
-textbooks weights the center with -1e6 and costs ten digits (Ryu/Luo chapter, section 4.4.5).
+textbooks weights the center with -1e6 and costs ten digits:
+docs/methods/common.md#unscented-filter.
 The loop over samples is the estimator's own, so that its model is compiled into it.
 """
 
@@ -25,7 +26,7 @@ FIRST_REPAIR, REPAIRS = 1e-12, 12  # added to the correlation's diagonal, times 
 def cholesky(P: Floats, L: Floats) -> bool:
     """Lower factor of P into L, by way of the correlation matrix; True when P was repaired.
 
-    States as different as rad/s and kN would otherwise cost conditioning (section 4.4.6).
+    States as different as rad/s and kN would otherwise cost conditioning.
     """
     n = len(P)
     scale = np.empty(n)

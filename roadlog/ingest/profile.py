@@ -1,4 +1,4 @@
-"""Profiles: how one source's names, units and axes become roadlog's signals (design section 6)."""
+"""Profiles: how one source's names, units and axes become roadlog's signals (docs/ingest.md)."""
 
 from __future__ import annotations
 

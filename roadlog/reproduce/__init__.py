@@ -35,7 +35,7 @@ class Row:
 
 @dataclass(frozen=True)
 class ResultTable:
-    """A table of a paper or of its method chapter."""
+    """A table of a paper or of its method's page."""
 
     name: str
     rows: list[Row]
@@ -59,7 +59,7 @@ class Reproduction:
     claims: list[Claim]
 
     def to_json(self) -> dict[str, Any]:
-        """The object that `roadlog reproduce --json` prints (design section 5)."""
+        """The object that `roadlog reproduce --json` prints."""
         return asdict(self)
 
 

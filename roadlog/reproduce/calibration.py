@@ -1,4 +1,4 @@
-"""What the constants that `calibrate` finds are worth to each method (fusion chapter, section 8).
+"""What calibrated constants are worth to each method; docs/calibration.md#what-it-is-worth.
 
 One car that no data sheet describes drives through a town, over a pass and through a slalom; from
 these three drives everything is calibrated. Then every method runs over another pass, three times:

@@ -1,4 +1,4 @@
-"""`fusion` beside every other estimator on every simulated drive with sensors (fusion chapter)."""
+"""`fusion` beside the other estimators on every simulated drive; docs/methods/fusion.md."""
 
 from __future__ import annotations
 

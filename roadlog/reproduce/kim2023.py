@@ -1,6 +1,6 @@
 """Kim 2023: dead reckoning at stops. Grids of bias and noise, control variables, urban drive.
 
-Massel/Kim/Wang chapter, sections 3.5, 3.11 and 3.12.
+Documented: docs/methods/common.md#prototype-figures.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from roadlog.units import STANDARD_GRAVITY as G
 MICRO_G = 1e-6 * G
 NOISE = 300.0  # ug/rtHz, of every table that does not vary it
 WAIT = 3.0  # s, standing before and after a motion of `kim2023-mc`
-# 3.11: windows begin at the last standing sample (three later ones are below zero speed) and 3 s
+# docs/methods/kim2023.md#scenarios
+# Windows begin at the last standing sample (three later ones are below zero speed) and 3 s
 # are averaged; a bias grid of +-1 m/s2 is no plausible gravity, and noise is no bent road
 GRID = {"align": "paper", "hold_off": 0.03, "averaging": WAIT}
 GRID |= {"gravity_tolerance": 2.0, "chord_max": 0.1}
@@ -41,7 +42,7 @@ FULL_DRIVES = (("kim2023-urban", 1), ("kim2023-urban", 2), ("city", 1), ("city",
 FULL_LOADS = ("family", "trunk")
 FULL_MEAN, FULL_CHANGE = 0.1, 0.05  # deg, what the errors of mean and change should stay below
 
-# Section 3.12
+# docs/methods/common.md#prototype-figures
 _BIAS_INCLINATION = {-1: -5.82, -0.6: -3.50, -0.2: -1.17, 0: 0.0, 0.2: 1.17, 0.6: 3.50, 1: 5.82}
 _NOISE_SPREAD = {
     1: (0.049, 0.108, 0.151, 0.238, 0.266, 0.359, 0.358),
@@ -75,7 +76,7 @@ class Events:
 
 
 def run() -> Reproduction:
-    """Every table and claim of the chapter, and its urban drive on the full car."""
+    """Every table and claim, and the urban drive on the full car."""
     bias, bias_worst = _bias_grid()
     noise, spreads, inclination = _noise_grid()
     control, control_spread = _control_variables()
@@ -105,7 +106,7 @@ def run() -> Reproduction:
             ", ".join(f"{spreads[a, 300][0]:.3f}" for a in ACCELERATIONS) + " deg at 300 ug/rtHz",
         ),
         Claim(
-            "spread follows sigma_p of section 3.7 within 15 %",
+            "spread follows its formula within 15 %",
             formula_off < 0.15,
             f"largest difference {100 * formula_off:.0f} %",
         ),
@@ -215,7 +216,10 @@ def _noise_grid() -> tuple[ResultTable, dict[tuple[int, int], tuple[float, float
 
 
 def formula_sd(noise: float, acceleration: float, distance: float = 2.0) -> float:
-    """rad, section 3.7: spread of one event's pitch; noise in m/s2/sqrt(Hz)."""
+    """rad, spread of one event's pitch; noise in m/s2/sqrt(Hz).
+
+    Source: docs/methods/kim2023.md#pitch-and-its-mean.
+    """
     t = np.sqrt(2 * distance / acceleration)
     return float(noise * np.sqrt(t**3 / 3 + t**4 / (4 * WAIT)) / distance)
 
@@ -251,7 +255,7 @@ def _test_road() -> tuple[ResultTable, list[Claim]]:
     """Figs 21 and 23: a body on springs, IMU 1.9 m ahead; steep ramps.
 
     Fig 21 is of accelerations: after a stop the body still rocks, and where on its way the paper's
-    alignment begins is chance (3.8). The paper has no chord test; it would reject these windows.
+    alignment begins is chance. The chord test's limit is opened: it would reject these windows.
     """
     rows = []
     means: dict[tuple[str, int], float] = {}
@@ -389,7 +393,7 @@ def final_deg(result: Estimate) -> float:
 
 
 def _directions() -> tuple[ResultTable, Floats, Floats]:
-    """Section 3.5: pitch from the last 2 m before a stop, back from it or forward to it, deg."""
+    """Pitch from the last 2 m before a stop, back from it or forward to it, deg."""
     between = 20.0  # s
     overrides = {"gyro_noise": float(np.radians(0.01)), "speed.duration": between / 2}
     drive, _ = _simulated("kim2023-mc", 1, _cell(**overrides))
@@ -422,5 +426,5 @@ def _directions() -> tuple[ResultTable, Floats, Floats]:
     for (name, (mean, spread)), values in zip(documented.items(), found, strict=True):
         rows.append(Row(name, "pitch, mean error", "deg", None, mean, float(values.mean())))
         rows.append(Row(name, "pitch, spread", "deg", None, spread, float(values.std(ddof=1))))
-    name = "last 2 m before a stop, 20 s after the one before (section 3.5)"
+    name = "last 2 m before a stop, 20 s after the one before"
     return ResultTable(name, rows), *found

@@ -1,4 +1,4 @@
-"""Luo 2024: mean absolute grade errors of KMBE, DEBE and TFOBE (Ryu/Luo chapter, table 6.1)."""
+"""Luo 2024: mean absolute grade errors of KMBE, DEBE and TFOBE; docs/methods/luo2024.md."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PAPER: dict[str, Figures] = {
     "debe eq37 + brake": (0.240, 0.352, 0.374, None, 0.51, 0.54, None),
     "tfobe": (0.133, 0.183, 0.271, None, 0.09, 0.10, None),
 }
-# ... and the method chapter's prototype: ideal signals, and sensors (mean of 3 seeds)
+# ... and docs/methods/common.md#prototype-figures: ideal signals, and sensors (mean of 3 seeds)
 IDEAL: dict[str, Figures] = {
     "kmbe paper": (0.196, 0.240, 0.251, 0.257, None, None, None),
     "kmbe": (0.163, 0.163, 0.163, 0.163, None, None, None),

@@ -1,6 +1,6 @@
 """Massel 2004 run again: errors of its methods and its qualitative claims.
 
-The paper prints no figures; `documented` is the Massel/Kim/Wang chapter, section 2.7.
+The paper prints no figures; `documented`: docs/methods/common.md#prototype-figures.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from roadlog.types import Floats
 
 SEEDS = range(1, 21)
 FULL_SEEDS = range(1, 6)  # of the full car, whose log is at 100 Hz
-SCORED_AFTER, SCORED_BEFORE_END = 2.0, 0.5  # s; section 2.6
+SCORED_AFTER, SCORED_BEFORE_END = 2.0, 0.5  # s; docs/methods/massel2004.md#scenarios
 
 PAPER = {"preset": "paper"}
 METHODS: dict[str, tuple[str, Mapping[str, Any]]] = {
@@ -36,7 +36,7 @@ METHODS: dict[str, tuple[str, Mapping[str, Any]]] = {
     "ti_rls robust": ("ti_rls", {"preset": "robust"}),
 }
 
-# grade and pitch RMSE in deg, methods in the order of METHODS; section 2.7
+# grade and pitch RMSE in deg, methods in the order of METHODS
 DOCUMENTED = {
     ("quasi", 1000.0): (
         (0.815, 0.548, 0.510, 0.360, 0.518, 0.340, 0.406, 0.276),

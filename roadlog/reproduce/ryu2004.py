@@ -1,4 +1,4 @@
-"""Ryu 2004: bank and roll told apart in a slalom and on laps (Ryu/Luo chapter, table 6.2)."""
+"""Ryu 2004: bank and roll separated in a slalom and on laps; docs/methods/ryu2004.md."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ RUNS = {  # what is run: estimator, whether it smooths its inputs
     "roll_bank_obs, smoothed": ("roll_bank_obs", True),
     "split_qs": ("split_qs", False),
 }
-# RMSE in degrees of the chapter's prototype, the worse end of 5 seeds; the paper gives figures only
+# RMSE in degrees, the worse end of 5 seeds, docs/methods/common.md#prototype-figures; the paper
+# gives pictures only
 DOCUMENTED: dict[str, dict[str, float | None]] = {
     "slalom": {"bank": 0.134, "roll": 0.109},
     "laps": {"bank": 0.129, "roll": 0.125},

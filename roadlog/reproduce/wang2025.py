@@ -1,6 +1,6 @@
 """Wang 2025 run again: inclination on both drives, and fuel in a tilted tank.
 
-`paper`: the paper's table 2; `documented`: the Massel/Kim/Wang chapter, sections 4.2 to 4.6.
+`paper`: the paper's table 2; `documented`: docs/methods/common.md#prototype-figures.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from roadlog.types import Floats
 
 SEEDS = range(1, 6)
 SCENARIOS = ("up9", "down12")
-SCORED_AFTER = 1.0  # s; section 4.6
+SCORED_AFTER = 1.0  # s; docs/methods/wang2025.md#scenarios
 FUEL_SCORED_AFTER = 20.0  # s, two time constants of the low-pass
 
 

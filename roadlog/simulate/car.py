@@ -1,7 +1,7 @@
-"""Car: a sprung body on four wheels with tires, springs and a driveline; Ryu/Luo chapter, 5.1-5.4.
+"""Car: a sprung body on four wheels with tires, springs and a driveline; docs/simulator.md.
 
 Six degrees of freedom of the body, one up and down per wheel, wheel spin, tires with relaxation
-lengths, load sensitivity and combined slip, actuators that lag. Beyond the chapter: brakes with dry
+lengths, load sensitivity and combined slip, actuators that lag, brakes with dry
 friction that truly hold (Dahl), wind, loads, grip that changes along the road.
 """
 
@@ -28,9 +28,9 @@ WAGON_CG_HEIGHT = 0.58  # m, of the whole car, where the sprung mass has 0.61
 
 
 class CarParameters(NamedTuple):
-    """The true car, sections 2 and 5 of the chapter; SI. Estimators get a data sheet instead.
+    """The true car; SI. Estimators get a data sheet instead.
 
-    Defaults: the chapter's `wagon`.
+    Defaults: docs/methods/common.md#preset-cars, `wagon`.
     """
 
     mass: float = 1850.0
@@ -144,7 +144,7 @@ NORMAL = 18  # road normal under the CG, east north up
 ENERGY, POWER = 21, 22  # J stored; W from engine, brakes, slip, drag, dampers and rolling together
 EXTRAS = 23
 
-# Tire shape: CommonRoad parameters_vehicle2 (Adams handbook); chapter, section 5.3
+# Tire shape: CommonRoad parameters_vehicle2; docs/simulator.md#tires
 NOMINAL_LOAD = 4500.0  # N
 DAMPED_BELOW = 2.0  # m/s; the relaxed slips oscillate at a crawl
 SLIP_DAMPING = 0.02  # s/m
@@ -153,7 +153,7 @@ MAX_CREEP = 5.0  # rad/s; a sliding brake winds up within a step, however fast
 
 @njit(cache=True)
 def tire(kappa: float, tan_alpha: float, load: float, grip: float) -> tuple[float, float]:
-    """Longitudinal and lateral force in N; combined slip by weighting functions (5.3)."""
+    """Longitudinal and lateral force in N; combined slip by weighting functions."""
     if load <= 0.0:
         return 0.0, 0.0
     alpha = np.arctan(tan_alpha)
@@ -324,7 +324,7 @@ def derivative(
         moment_z += x * by - y * bx
         out[TRAVEL + i] = travel_rate
         out[TRAVEL_RATE + i] = (bz - strut - link) / unsprung + gz
-    # the front axle's own force bends its steering; one step old, as in the chapter
+    # the front axle's own force bends its steering; one step old
     extras[EXTRAS + 1] = front_side
 
     wind_x = r00 * wind[0] + r10 * wind[1]

@@ -1,6 +1,6 @@
 """Driver: steers along the road, keeps the speed, brakes, waits at stops and shifts gears.
 
-Ryu/Luo chapter, section 5.5; the held brake, the hill start and the gearbox are ours.
+Source: docs/simulator.md#driver.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ SHIFT_OPEN = (0.25, 0.55)  # s into the shift, between which the clutch is open
 
 
 class DriverParameters(NamedTuple):
-    """Gains of the chapter's section 5.5."""
+    """Gains: docs/simulator.md#driver."""
 
     speed_gain: float = 1.5  # 1/s
     speed_integral: float = 0.6  # 1/s2

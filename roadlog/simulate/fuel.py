@@ -14,7 +14,7 @@ from roadlog.types import Floats
 
 @dataclass(frozen=True)
 class FuelSender:
-    """Float in a box tank (Wang chapter, section 4.4) whose surface sloshes."""
+    """Float in a box tank whose surface sloshes; docs/simulator.md#fuel-sender."""
 
     rate: float = 0.0  # Hz, 0 = none
     volume: float = 0.020  # m3, true

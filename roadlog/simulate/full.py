@@ -27,7 +27,7 @@ from roadlog.simulate.sensors import WHEELS
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
-DT = 0.002  # s, of integration and of the motion; section 5.6: 2 ms is enough
+DT = 0.002  # s, of integration and of the motion; docs/simulator.md#integration
 ROOM = 100.0  # m of road beyond the reference drive's end
 
 # The columns of the history that `integrate` returns.
@@ -182,7 +182,7 @@ def integrate(
 def _motion(
     time: Floats, history: Floats, car: CarParameters, pitch_at_rest: float, shift: Floats
 ) -> Motion:
-    """Truth by the chapter's definitions (section 1.1) from the history."""
+    """Truth from the history; docs/methods/common.md#symbols-and-signs."""
     state, extra = history[:, :EXTRA], history[:, EXTRA:RATIO]
     roll, nose, yaw = state[:, c.EULER : c.EULER + 3].T
     attitude = rotation(roll, nose, yaw)

@@ -101,6 +101,6 @@ class ImuSensor:
         noise: Floats = sosfilt(band, rng.standard_normal(len(motion.time)))
         noise *= self.heave / noise.std()
         if self.heave_speed:
-            # Kim chapter, 3.11: proportional to speed, up to 1.5 times
+            # docs/methods/kim2023.md#scenarios
             noise = noise * np.minimum(motion.speed / self.heave_speed, 1.5)
         return noise

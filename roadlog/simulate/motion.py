@@ -12,7 +12,7 @@ from roadlog.types import Floats
 
 @dataclass(frozen=True)
 class Motion:
-    """The true drive on a fine uniform grid; truth as defined in the Ryu/Luo chapter, 1.1.
+    """The true drive on a fine uniform grid; truth: docs/methods/common.md#symbols-and-signs.
 
     time: s. force: (n, 3) m/s2, specific force at the reference point (CG, or the pitch center of
     the straight model), vehicle axes. rate, rate_dot: (n, 3) rad/s and rad/s2, vehicle axes.

@@ -1,6 +1,6 @@
 """Road: height, slope, curvature and grip over distance, as tables that the car model reads.
 
-Ryu/Luo chapter, section 5.2. The height is Z(s) + n tan(bank(s)) + surface(x, y), with s along the
+docs/simulator.md#road. The height is Z(s) + n tan(bank(s)) + surface(x, y), with s along the
 road's middle line and n to the left of it; roughness is a height under each track.
 """
 

@@ -25,7 +25,7 @@ PLAIN_CAN = CanSensors(
 )
 
 
-# Massel 2004: Massel chapter, section 2.6 ---------------------------------------------------
+# docs/methods/massel2004.md#scenarios ------------------------------------------------------
 
 _MASSEL_BODY = PitchModel.of_suspension(1600.0, 0.55, 2600.0, 251e3, 17.9e3)
 _MASSEL_SENSORS = Sensors(  # noise N1: 0.02 m/s2 and 0.005 m/s at 1 kHz
@@ -62,7 +62,7 @@ def _massel() -> list[Scenario]:
     return [quasi, accel]
 
 
-# Kim 2023: section 3.11 -----------------------------------------------------------------------
+# docs/methods/kim2023.md#scenarios ---------------------------------------------------------
 
 _MICRO_G = 1e-6 * G
 _KIM_NOISE = 300 * _MICRO_G  # m/s2/sqrt(Hz)
@@ -120,7 +120,7 @@ def _kim() -> list[Scenario]:
     return [motions, urban, testroad]
 
 
-# Wang 2025: section 4.5 -----------------------------------------------------------------------
+# docs/methods/wang2025.md#scenarios --------------------------------------------------------
 
 _WANG = PRESETS["wang2025"]
 _WANG_BODY = PitchModel.of_suspension(
@@ -146,7 +146,7 @@ _DOWN_GRADE = "(0,0)(2,0)(6,-12)(36,-12)(42,-3)(55,-3)(60,-6)(72,-6)(78,0)(100,0
 
 
 def _tuples(text: str) -> list[tuple[float, ...]]:
-    """The chapter's own notation, so that the two can be compared at a glance."""
+    """Numbers of a profile written as (t, value)(t, value)."""
     groups = text.strip("()").split(")(")
     return [tuple(float(x) for x in group.split(",")) for group in groups]
 
@@ -188,7 +188,7 @@ def _wang() -> list[Scenario]:
     ]
 
 
-# Luo 2024: Ryu/Luo chapter, section 5.8 --------------------------------------------------------
+# docs/methods/luo2024.md#scenarios ---------------------------------------------------------
 
 CLASS_A = 16e-6  # m3, ISO 8608
 _RAMP = "(0,-1.8)(27,-1.8)(35.7,3.4)(57,3.4)(69,-3.9)(88,-3.9)(98,1)(107,1)(112,-1.5)(118,0)"

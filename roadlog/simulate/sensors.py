@@ -1,6 +1,6 @@
 """Sensors: what a log would hold of a motion; every error has a size that may be zero.
 
-Defaults: Ryu/Luo chapter, section 5.7 (a car-grade MEMS IMU, an anti-lock brake system's wheel
+Defaults: docs/simulator.md#sensors (a car-grade MEMS IMU, an anti-lock brake system's wheel
 speeds on CAN, a two-antenna receiver). Every sensor draws from a random stream of its own, so that
 changing one leaves the others as they were.
 """

@@ -40,8 +40,8 @@ def accelerations(
 class StopAndGo:
     """A drive through a town: start, cruise with a slow oscillation, brake, wait, again.
 
-    Ranges are (least, most) of uniform draws; another seed, another drive. Defaults: Kim chapter,
-    section 3.11.
+    Ranges are (least, most) of uniform draws; another seed, another drive. Defaults:
+    docs/methods/kim2023.md#scenarios.
     """
 
     stops: int = 14
@@ -79,7 +79,7 @@ class StopAndGo:
 class Launches:
     """Motions from rest to rest, one after the other: stand, accelerate, brake, stand.
 
-    Steps in acceleration; Kim chapter, section 3.11 (`kim2023-mc`).
+    Steps in acceleration; docs/methods/kim2023.md#scenarios (`kim2023-mc`).
     """
 
     acceleration: float = 2.0  # m/s2

@@ -1,6 +1,6 @@
 """The papers' simple truth: a body that pitches on its springs along a straight road.
 
-Massel chapter, section 1.8, equation (S1), and sensors by (C1); nothing here knows of tires.
+Equations and sensors: docs/simulator.md#straight-truth; nothing here knows of tires.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
 RATE = 1000.0  # Hz, of the motion
-SUBSTEPS = 2  # integration steps in one of the motion: 0.5 ms, as (S1) asks
+SUBSTEPS = 2  # integration steps in one of the motion: 0.5 ms
 
 
 @dataclass(frozen=True)
 class PitchModel:
-    """(S1) divided by its inertia: a damped oscillator driven by specific force.
+    """The pitching body divided by its inertia: a damped oscillator driven by specific force.
 
     gradient: k = m h / K, body pitch per longitudinal specific force; 0 = a rigid body.
     """

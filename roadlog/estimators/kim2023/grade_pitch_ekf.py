@@ -1,7 +1,7 @@
 """Grade and pitch by an extended Kalman filter on specific force and the speed's derivative.
 
 Stands for Nilsson (2016), which Kim 2023 compares with and of which only a summary is public;
-reconstructed in the Massel/Kim/Wang chapter, section 3.10.
+reconstructed: docs/methods/kim2023.md#grade-pitch-ekf.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from roadlog.filters.kernels import odd_window, parabolic_mean, slope
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
-CORRELATION = 1.2  # samples of the smoothed signals per window count as n / 1.2 copies; 3.10
+CORRELATION = 1.2  # samples of the smoothed signals per window count as n / 1.2 copies
 
 
 @dataclass(frozen=True)
 class GradePitchEkfParameters:
-    """Section 3.10 of the Massel/Kim/Wang chapter."""
+    """docs/methods/kim2023.md#parameters-of-grade_pitch_ekf."""
 
     slope_time: float = parameter(0.6, "s", "window of the speed's derivative")
     grade_noise: float = parameter(1e-2, "rad/sqrt(s)", "random walk of the grade")
@@ -42,7 +42,10 @@ class GradePitchEkfParameters:
 def grade_pitch_ekf(
     drive: Drive, vehicle: Vehicle, params: GradePitchEkfParameters, engine: Engine
 ) -> Estimate:
-    """State [grade, pitch], random walks, corrected by (C1): f_x and f_z given dv/dt."""
+    """State [grade, pitch], random walks, corrected by f_x and f_z given dv/dt.
+
+    Forces: docs/methods/common.md#straight-line-specific-force.
+    """
     del vehicle  # a kinematic method
     n = odd_window(params.slope_time, drive.dt)
     rate = slope(drive.speed, n, drive.dt)
@@ -78,7 +81,7 @@ def grade_pitch_ekf(
 
 @njit(cache=True)
 def force_x(grade: float, pitch: float, rate: float) -> tuple[float, float, float]:
-    """f_x of (C1) and its derivatives by grade and pitch."""
+    """f_x on a straight road and its derivatives by grade and pitch."""
     value = rate * np.cos(pitch) + G * np.sin(grade + pitch)
     by_grade = G * np.cos(grade + pitch)
     return value, by_grade, by_grade - rate * np.sin(pitch)
@@ -86,7 +89,7 @@ def force_x(grade: float, pitch: float, rate: float) -> tuple[float, float, floa
 
 @njit(cache=True)
 def force_z(grade: float, pitch: float, rate: float) -> tuple[float, float, float]:
-    """f_z of (C1) and its derivatives by grade and pitch."""
+    """f_z on a straight road and its derivatives by grade and pitch."""
     value = -rate * np.sin(pitch) + G * np.cos(grade + pitch)
     by_grade = -G * np.sin(grade + pitch)
     return value, by_grade, by_grade - rate * np.cos(pitch)
@@ -144,6 +147,6 @@ GRADE_PITCH_EKF = Estimator(
     parameters=GradePitchEkfParameters,
     needs=("imu.accel_x", "imu.accel_z", ANY_SPEED),
     gives=("grade", "pitch", "inclination"),
-    reference="Nilsson 2016 as compared with in Kim 2023 (reconstruction)",
+    reference="Nilsson 2016, by Kim 2023 (reconstructed); docs/methods/kim2023.md#grade-pitch-ekf",
     summary="grade and load pitch from specific force and dv/dt by an EKF; straight driving",
 )

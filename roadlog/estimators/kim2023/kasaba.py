@@ -1,7 +1,7 @@
 """Pitch from the direction of acceleration: how f_z changes with f_x while driving.
 
 Stands for Kasaba (ISAL 2015), which Kim 2023 compares with; reconstructed after the "acceleration
-ratio" patents of the same company. Massel/Kim/Wang chapter, section 3.9.
+ratio" patents of the same company: docs/methods/kim2023.md#kasaba.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from roadlog.types import Bools, Floats
 
 @dataclass(frozen=True)
 class KasabaParameters:
-    """Section 3.9 of the Massel/Kim/Wang chapter."""
+    """docs/methods/kim2023.md#parameters-of-kasaba."""
 
     variant: Literal["plain", "delta", "intercept"] = parameter(
         "plain", "", "plain: f_z over f_x; delta: their changes; intercept: changes and mean f_x"
@@ -60,7 +60,7 @@ def kasaba(drive: Drive, vehicle: Vehicle, params: KasabaParameters, engine: Eng
             regressors.append(change * (x - 0.5 * change))  # times the mean f_x of both samples
     decay = 0.0 if params.forget_time is None else drive.dt / params.forget_time
     slope, variance, spread = _least_squares(regressors, response, used, decay)
-    # samples of a low-passed signal repeat each other: n is worth 2 fc / fs of its count (3.9)
+    # samples of a low-passed signal repeat each other: n is worth 2 fc / fs of its count
     sd = np.sqrt(variance * drive.rate / (2 * params.cutoff))
     valid = np.isfinite(slope) & (spread > params.min_spread) & (driven > params.min_time)
     flags = (
@@ -145,7 +145,7 @@ KASABA = Estimator(
     parameters=KasabaParameters,
     needs=("imu.accel_x", "imu.accel_z", ANY_SPEED),
     gives=("pitch",),
-    reference="Kasaba 2015 as compared with in Kim 2023 (reconstruction)",
+    reference="Kasaba 2015, by Kim 2023 (reconstructed); docs/methods/kim2023.md#kasaba",
     summary="pitch of the load from the direction of acceleration while driving",
     systematic_deg={"pitch": 0.5},
 )

@@ -1,8 +1,8 @@
 """Body pitch and road slope from dead reckoning at stops, forward and backward in time (KIM).
 
-Kim et al. 2023, as corrected and extended in the Massel/Kim/Wang chapter, section 3: the state of a
-standing car is known best, so the strapdown equations are integrated forward into the acceleration
-and backward in time into the deceleration. The accelerometer bias cancels in the pitch.
+Kim 2023, corrected and extended: docs/methods/kim2023.md. The state of a standing car is known
+best, so the strapdown equations are integrated forward into the acceleration and backward in time
+into the deceleration. The accelerometer bias cancels in the pitch.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from roadlog.filters import Engine
 from roadlog.signals import ACCELERATION, DECELERATION
 from roadlog.types import Floats
 
-ROCKING = np.radians(0.5)  # rad/s, gyro spread after a stop that calls for `full`; 3.8
+ROCKING = np.radians(0.5)  # rad/s, gyro spread after a stop that calls for `full`
 ROCKING_TIME = 0.5  # s
 
 
@@ -163,7 +163,7 @@ STATIC_SLOPE = Estimator(
     parameters=StaticSlopeParameters,
     needs=(*(f"imu.{kind}_{axis}" for kind in ("accel", "gyro") for axis in "xyz"), ANY_SPEED),
     gives=("grade", "pitch", "inclination", "roll_total"),
-    reference="Kim 2023, eqs. (7)-(17)",
+    reference="Kim 2023, eqs. (7)-(17); docs/methods/kim2023.md#windows",
     summary="pitch of the standing body from dead reckoning at stops, in reverse time too",
     aliases=("kim",),
     systematic_deg={"grade": 0.45, "pitch": 0.4, "inclination": 0.45, "roll_total": 0.45},

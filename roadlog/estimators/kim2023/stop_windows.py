@@ -1,6 +1,6 @@
 """Stops of a drive and the windows next to them: what `static_slope` measures.
 
-Kim 2023 as in the Massel/Kim/Wang chapter, sections 3.1-3.8.
+Kim 2023, corrected and extended: docs/methods/kim2023.md#windows.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from roadlog.signals import ACCELERATION, DECELERATION, FLAGS
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
-START_RATE = 0.07  # s, half of the mean that gives the rate at a stop; 3.8, step 3
+START_RATE = 0.07  # s, half of the mean that gives the rate at a stop
 NOISE_MARGIN = 4.0  # standard deviations of noise that a car at rest may show besides
 STIR_TIME = 0.1  # s, mean that tells the first stir of a car at rest from noise
 STIR = 0.005  # m/s2, change of that mean that is none
@@ -27,28 +27,26 @@ VOID = FLAGS["missing"] | FLAGS["excitation"] | FLAGS["standstill"]  # the windo
 
 @dataclass(frozen=True)
 class StaticSlopeParameters:
-    """Section 3 of the Massel/Kim/Wang chapter unless said; "paper" marks the paper's values."""
+    """docs/methods/kim2023.md#parameters-of-static_slope; "paper" marks the paper's values."""
 
     align: Literal["auto", "full", "paper"] = parameter(
-        "auto", "", "paper: attitude next to the stop; full: settled, gyro, lever; 3.8"
+        "auto", "", "paper: attitude next to the stop; full: settled, gyro, lever"
     )
-    integration: Literal["trapezoid", "rectangle"] = parameter(
-        "trapezoid", "", "rectangle: paper; 3.5"
-    )
-    gyro_bias: Literal["mean", "lowpass"] = parameter("mean", "", "lowpass: paper; 3.2")
-    bias_cutoff: float = parameter(0.05, "Hz", "of the gyro bias low-pass; 3.2")
-    hold_off: float = parameter(0.5, "s", "zero speed before and after a standing sample; 3.1")
-    min_standstill: float = parameter(1.0, "s", "shorter stops do not count; 3.1")
-    distance: float = parameter(2.0, "m", "length of a window (paper); 3.4")
-    max_time: float = parameter(5.0, "s", "a window that takes longer is void; 3.4")
-    averaging: float = parameter(2.0, "s", "mean specific force of the standing car; 3.4")
-    min_averaging: float = parameter(0.5, "s", "with less the event is void; 3.4")
-    settle: float = parameter(1.5, "s", "full: the body rocks this long after a stop; 3.4")
-    gravity_tolerance: float = parameter(0.5, "m/s2", "of the mean specific force; 3.3")
+    integration: Literal["trapezoid", "rectangle"] = parameter("trapezoid", "", "rectangle: paper")
+    gyro_bias: Literal["mean", "lowpass"] = parameter("mean", "", "lowpass: paper")
+    bias_cutoff: float = parameter(0.05, "Hz", "of the gyro bias low-pass")
+    hold_off: float = parameter(0.5, "s", "zero speed before and after a standing sample")
+    min_standstill: float = parameter(1.0, "s", "shorter stops do not count")
+    distance: float = parameter(2.0, "m", "length of a window (paper)")
+    max_time: float = parameter(5.0, "s", "a window that takes longer is void")
+    averaging: float = parameter(2.0, "s", "mean specific force of the standing car")
+    min_averaging: float = parameter(0.5, "s", "with less the event is void")
+    settle: float = parameter(1.5, "s", "full: the body rocks this long after a stop")
+    gravity_tolerance: float = parameter(0.5, "m/s2", "of the mean specific force")
     unsteady_max: float = parameter(
         0.05, "m/s2", "change between the halves of the averaging window: still moving (ours)"
     )
-    chord_max: float = parameter(0.01, "m", "deviation of the path from a straight slope; 3.6")
+    chord_max: float = parameter(0.01, "m", "deviation of the path from a straight slope")
     way_back_max: float = parameter(
         0.05, "m", "a car that rolls back by more is flagged; tires give by less (ours)"
     )
@@ -59,10 +57,10 @@ class StaticSlopeParameters:
         6.0, "s", "full: mean size of the specific force, wherever the body turns to (ours)"
     )
     weights: Literal["equal", "variance"] = parameter(
-        "equal", "", "of the running mean; variance: 1/sd^2; 3.7"
+        "equal", "", "of the running mean; variance: 1/sd^2"
     )
-    reset_on_load: bool = parameter(False, "", "start the mean anew when the load changes; 3.7")
-    load_step: float = parameter(0.00262, "rad", "change of inclination that is a load; 3.7")
+    reset_on_load: bool = parameter(False, "", "start the mean anew when the load changes")
+    load_step: float = parameter(0.00262, "rad", "change of inclination that is a load")
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,7 @@ class Stop:
 
 @dataclass(frozen=True)
 class Statics:
-    """The standing body (3.3): angles in rad, gravity in m/s2, noise density in m/s2/sqrt(Hz).
+    """The standing body: angles in rad, gravity in m/s2, noise density in m/s2/sqrt(Hz).
 
     time, gravity_time: s of known samples that were averaged for the angles and for the gravity.
     steady: the specific force did not change.
@@ -137,7 +135,7 @@ class Event:
 
     @property
     def pitch_sd(self) -> float:
-        """rad, of the pitch from accelerometer noise (3.7).
+        """rad, of the pitch from accelerometer noise; docs/methods/kim2023.md#pitch-and-its-mean.
 
         Of the height between the times t0 and t: white noise integrated twice, and what the mean
         at rest errs by, which is integrated twice as well.
@@ -207,7 +205,7 @@ def _first_stir(force: Floats, rate: float, params: StaticSlopeParameters) -> in
 def _gyro_biases(
     rate: Floats, spans: list[slice], dt: float, params: StaticSlopeParameters
 ) -> list[Floats]:
-    """rad/s (3,) per stop: its mean rate, or the low-pass over samples at rest at its end (3.2).
+    """rad/s (3,) per stop: its mean rate, or the low-pass over samples at rest at its end.
 
     Backward in time the bias is known best at the end of the stop as well.
     """
@@ -230,7 +228,7 @@ class Windows:
     """The windows of one drive: integrates from stops and judges the result.
 
     force, rate: (n, 3), m/s2 and rad/s. lever: (3,) m from the pitch center to the IMU. full:
-    alignment of section 3.8 instead of the paper's.
+    docs/methods/kim2023.md#alignment instead of the paper's.
     """
 
     def __init__(
@@ -308,7 +306,7 @@ class Windows:
         return flags
 
     def _reach(self, stop: Stop, kind: int, sample: int) -> tuple[int, int]:
-        """The last sample that a window may use, and the flag if that is too near (3.4)."""
+        """The last sample that a window may use, and the flag if that is too near."""
         limit = round(self.params.max_time * self.rate_hz)
         step = -1 if kind == DECELERATION else 1
         ahead = np.arange(sample + step, sample + step * (limit + 1), step)
@@ -322,7 +320,7 @@ class Windows:
         return (int(ahead[-1]) if len(ahead) else sample), reason
 
     def _averaged(self, stop: Stop, kind: int) -> slice:
-        """Samples of the standing car whose mean gives its attitude (3.4)."""
+        """Samples of the standing car whose mean gives its attitude."""
         count = round(self.params.averaging * self.rate_hz)
         after = stop.still.stop
         if kind == ACCELERATION:
@@ -371,7 +369,7 @@ class Windows:
         )
 
     def _turned(self, sample: int, averaged: slice, bias: Floats) -> float:
-        """rad, inclination at `sample` minus its mean over the averaging, from the gyro (3.8)."""
+        """rad, inclination at `sample` minus its mean over the averaging, from the gyro."""
         first, after = min(sample, averaged.start), max(sample + 1, averaged.stop)
         nose_up = -(self.rate[first:after, 1] - bias[1])
         steps = 0.5 * (nose_up[1:] + nose_up[:-1]) * self.dt
@@ -380,7 +378,7 @@ class Windows:
         return float(angle[sample - first] - mean)
 
     def _rocking(self, sample: int, bias: Floats, inclination: float, roll_total: float) -> Floats:
-        """m/s (3,), of the IMU while the body still rocks: R (w x lever), w a short mean (3.8).
+        """m/s (3,), of the IMU while the body still rocks: R (w x lever), w a short mean.
 
         A single sample of a noisy gyro would add up to 0.27 deg on a lever of 1.9 m.
         """

@@ -1,6 +1,6 @@
 """Strapdown integration near a standstill: attitude, velocity, path; time may run backward.
 
-Kim 2023, eqs. (10)-(13), corrected as in the Massel/Kim/Wang chapter, sections 3.0 and 3.5.
+Kim 2023, eqs. (10)-(13), corrected: docs/methods/kim2023.md#strapdown.
 Quaternions are scalar first and rotate vehicle axes into the navigation frame (x forward at the
 start, y left, z up).
 """
@@ -36,7 +36,7 @@ class Path:
 
     @property
     def slope(self) -> float:
-        """rad, uphill along the car's nose +; eq. (15) with the sign of the direction (3.6)."""
+        """rad, uphill along the car's nose +; eq. (15) with the sign of the direction."""
         return self.slope_after(0)
 
     def slope_after(self, k: int) -> float:
@@ -46,7 +46,7 @@ class Path:
 
     @property
     def chord_deviation(self) -> float:
-        """m, largest distance of the path (s, z) from the chord between its ends (3.6)."""
+        """m, largest distance of the path (s, z) from the chord between its ends."""
         across = np.abs(self.s * self.z[-1] - self.z * self.s[-1])
         return float(across.max() / max(np.hypot(self.s[-1], self.z[-1]), 1e-12))
 
@@ -74,7 +74,7 @@ def dead_reckon(
     force (n, 3), m/s2, and rate (n, 3), rad/s, bias removed: vehicle axes, in the order of
     integration, the first one at the standstill. step: s, negative when time runs back. attitude
     (4,): at the first sample. gravity: m/s2, length of the mean specific force at the
-    standstill, so that a constant accelerometer bias cancels (erratum 4). velocity (3,): of the
+    standstill, so that a constant accelerometer bias cancels. velocity (3,): of the
     sensor at the first sample, m/s, default 0. lever (3,): from the point that is followed to
     the sensor, m, default 0. trapezoid: means of neighboring samples; else the paper's rectangle.
     """
@@ -105,7 +105,7 @@ def attitude(inclination: float, roll_total: float) -> Floats:
 def turn(q: Floats, wx: float, wy: float, wz: float, step: float) -> Floats:
     """Quaternion after turning at a constant body rate [rad/s] for `step` seconds; eq. (10).
 
-    The sine coefficient is sin(T/2)/(T/2) with T = |w| step (erratum 1): as printed, half the
+    The sine coefficient is sin(T/2)/(T/2) with T = |w| step: as printed, half the
     turn is lost. It is even in T, so a negative step needs nothing else.
     """
     half = 0.5 * step * np.sqrt(wx * wx + wy * wy + wz * wz)

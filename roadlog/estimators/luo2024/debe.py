@@ -1,6 +1,6 @@
 """DEBE: grade from the driving equation, by an unscented filter on speed alone.
 
-Luo 2024, equation (37); corrections, tuning and freezing in the Ryu/Luo chapter, section 4.3.
+Luo 2024, equation (37), corrected: docs/methods/luo2024.md#driving-equation.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from roadlog.filters.ukf import (
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
-ROLLING_SPEED = 0.1  # m/s, over which rolling resistance changes its sign; section 4.3
-RESTART_VARIANCE = 1.0  # (m/s)2, of the speed after a freeze; section 4.3
+ROLLING_SPEED = 0.1  # m/s, over which rolling resistance changes its sign
+RESTART_VARIANCE = 1.0  # (m/s)2, of the speed after a freeze
 
 
 @dataclass(frozen=True)
 class DebeParameters(ScheduleParameters):
-    """Section 4.3 of the Ryu/Luo chapter unless said."""
+    """docs/methods/luo2024.md#parameters-of-debe."""
 
     variant: Literal["corrected", "eq37_brake", "eq37"] = parameter(
         "corrected",
@@ -194,7 +194,7 @@ DEBE = Estimator(
     parameters=DebeParameters,
     needs=(NEEDS_TORQUE, ANY_SPEED),
     gives=("grade",),
-    reference="Luo 2024, eq. (37)",
+    reference="Luo 2024, eq. (37); docs/methods/luo2024.md#driving-equation",
     summary="driving equation: grade from wheel torque, brake torque and speed",
     causal=True,
     vehicle=("mass", "wheel_radius", "drag_area", "rolling_resistance", "driven", "cg_height"),

@@ -1,6 +1,6 @@
 """Grade from tire forces and motion: the upper layer of tfobe.
 
-Luo 2024, equations (32)-(35); rows and tuning of the Ryu/Luo chapter, section 4.5.
+Luo 2024, equations (32)-(35), corrected: docs/methods/luo2024.md#grade-from-tire-forces.
 State: 0 v_x, 1 v_y, 2 yaw rate, 3 grade. Rows: 0 v_x, 1 a_x, 2 a_y, 3 yaw rate, 4 v_y.
 """
 
@@ -38,7 +38,7 @@ class GradeTrack(NamedTuple):
 
 
 def tuning(dt: float, grade_noise: float) -> Tuning:
-    """Ours; section 4.5. grade_noise: rad/sqrt(s)."""
+    """Ours. grade_noise: rad/sqrt(s)."""
     return Tuning(
         Q=np.array([0.05**2, 0.3**2, 0.05**2, grade_noise**2]) * dt,
         R=np.array([0.02**2, 0.1**2, 0.1**2, 0.003**2, 0.15**2]),

@@ -1,6 +1,6 @@
 """KMBE: grade by a kinematic Kalman filter on speed and longitudinal specific force.
 
-Luo 2024, equation (38); corrections and tuning in the Ryu/Luo chapter, section 4.2.
+Luo 2024, equation (38), corrected: docs/methods/luo2024.md#kinematic-filter.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from roadlog.filters.kalman import LinearModel, kalman_filter, rts_smoother
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
-MAX_SINE = 0.9  # |s/g| beyond this is no road; section 4.2
+MAX_SINE = 0.9  # |s/g| beyond this is no road
 
 
 @dataclass(frozen=True)
 class KmbeParameters:
-    """Section 4.2 of the Ryu/Luo chapter unless said."""
+    """docs/methods/luo2024.md#parameters-of-kmbe."""
 
     variant: Literal["corrected", "paper"] = parameter(
         "corrected",
@@ -39,9 +39,9 @@ class KmbeParameters:
     accel_noise: float = parameter(0.03, "m/s2/sqrt(Hz)", "of the accelerometer")
     speed_sd: float = parameter(0.02, "m/s", "of one speed sample of the grid")
     initial_grade_sd: float = parameter(0.05, "rad", "before the first sample")
-    hold_time: float = parameter(0.2, "s", "inputs are held this long; section 4.8")
-    gap_time: float = parameter(3.0, "s", "the filter predicts this long without speed; 4.8")
-    settle_time: float = parameter(3.0, "s", "flagged as converging after a start; 4.8")
+    hold_time: float = parameter(0.2, "s", "inputs are held this long")
+    gap_time: float = parameter(3.0, "s", "the filter predicts this long without speed")
+    settle_time: float = parameter(3.0, "s", "flagged as converging after a start")
 
 
 def kmbe(drive: Drive, vehicle: Vehicle, params: KmbeParameters, engine: Engine) -> Estimate:
@@ -108,7 +108,7 @@ KMBE = Estimator(
     parameters=KmbeParameters,
     needs=("imu.accel_x", ANY_SPEED),
     gives=("grade",),
-    reference="Luo 2024, eq. (38)",
+    reference="Luo 2024, eq. (38); docs/methods/luo2024.md#kinematic-filter",
     summary="kinematic Kalman filter: grade from speed and longitudinal acceleration",
     vehicle=(
         "pitch_gradient",

@@ -1,6 +1,6 @@
 """When a driving-force filter runs, freezes or is off.
 
-Ryu/Luo chapter, sections 4.3, 4.4.7 and 4.8.
+Source: docs/methods/luo2024.md#freezing.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from roadlog.types import Bools, Flags, Floats
 
 @dataclass(frozen=True)
 class ScheduleParameters:
-    """What debe and tfobe share; section 4.8 of the Ryu/Luo chapter unless said."""
+    """What debe and tfobe share; docs/methods/luo2024.md#parameters-of-debe-and-tfobe."""
 
-    min_speed: float = parameter(1.5, "m/s", "below it the grade is held; 0: never; section 4.3")
+    min_speed: float = parameter(1.5, "m/s", "below it the grade is held; 0: never")
     max_sd: float = parameter(0.035, "rad", "beyond this the grade is not valid; ours")
     hold_time: float = parameter(0.2, "s", "inputs are held this long")
     gap_time: float = parameter(3.0, "s", "the filter goes on this long without speed or torque")

@@ -1,7 +1,7 @@
 """TFOBE: grade from observed tire forces, right in corners too.
 
-Luo 2024, two unscented filters in a row; the Ryu/Luo chapter, sections 3.2 (what can be observed
-at all), 4.4 (tire forces) and 4.5 (grade).
+Luo 2024, two unscented filters in a row: docs/methods/luo2024.md#tire-forces. What can be observed
+at all: docs/methods/luo2024.md#observability.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from roadlog.filters.gaps import hold
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
-# rows of the lower and of the upper layer that a variant measures; sections 3.2, 4.4.3 and 4.5
+# rows of either layer that a variant measures; docs/methods/luo2024.md#observability
 TIRE_ROWS: dict[str, tuple[int, ...]] = {
     "corrected": (0, 2, 3, 4, 5, 6, 7, 8, 9, 10),
     "fx": (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10),
@@ -39,13 +39,13 @@ GRADE_ROWS: dict[str, tuple[int, ...]] = {
     "text": (0, 2, 3),
     "printed": (1, 2, 3),
 }
-MAX_GRADE = 0.35  # rad; beyond this it is no road; section 4.5
-LINEAR_FORCE = 5.0  # m/s2, lateral, up to which tires are linear; section 4.6
+MAX_GRADE = 0.35  # rad; beyond this it is no road
+LINEAR_FORCE = 5.0  # m/s2, lateral, up to which tires are linear
 
 
 @dataclass(frozen=True)
 class TfobeParameters(ScheduleParameters):
-    """Sections 4.4 and 4.5 of the Ryu/Luo chapter; the filters' own tuning is in their modules."""
+    """docs/methods/luo2024.md#parameters-of-tfobe; the filters' tuning is in their modules."""
 
     variant: Literal["corrected", "fx", "text", "printed"] = parameter(
         "corrected",
@@ -249,7 +249,7 @@ TFOBE = Estimator(
         "imu.gyro_z",
     ),
     gives=("grade",),
-    reference="Luo 2024, eqs. (26)-(35)",
+    reference="Luo 2024, eqs. (26)-(35); docs/methods/luo2024.md#tire-forces",
     summary="tire-force observer: forces of each wheel, and grade in corners too",
     causal=True,
     vehicle=(

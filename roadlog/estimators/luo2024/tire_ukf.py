@@ -1,6 +1,6 @@
 """Tire forces from wheel speeds, torques and specific force: the lower layer of tfobe.
 
-Luo 2024, equations (26)-(28); states, rows and tuning of the Ryu/Luo chapter, section 4.4.
+Luo 2024, equations (26)-(28), corrected: docs/methods/luo2024.md#tire-forces.
 State: 0 v_x, 1 v_y, 2 yaw rate, 3-6 wheel speeds, 7-10 longitudinal, 11-14 lateral forces.
 Rows: 0 v_x, 1 f_x, 2 f_y, 3 yaw rate, 4-7 wheel speeds, 8 v_y, 9 and 10 load split.
 """
@@ -25,7 +25,7 @@ from roadlog.types import Bools, Floats
 
 STATES, ROWS, POINTS = 15, 11, 31
 MEASURED_STATES = 7  # v_x, v_y, yaw rate and wheel speeds start anew after a freeze
-ROLLING_WHEEL_SPEED = 0.5  # rad/s, over which brake and rolling moments change sign; 4.4.2
+ROLLING_WHEEL_SPEED = 0.5  # rad/s, over which brake and rolling moments change sign
 
 
 class TireInputs(NamedTuple):
@@ -62,7 +62,7 @@ class TireTrack(NamedTuple):
 
 
 def tuning(dt: float) -> Tuning:
-    """Ours; section 4.4.4."""
+    """Ours; docs/methods/luo2024.md#tire-forces."""
     velocity = [(1.0 * dt) ** 2, (0.5 * dt) ** 2, (0.2 * dt) ** 2, *4 * [(4.0 * dt) ** 2]]
     force = [*4 * [400.0**2 * dt], *4 * [1500.0**2 * dt]]
     split = 300.0**2
@@ -74,7 +74,7 @@ def tuning(dt: float) -> Tuning:
 
 
 def printed_tuning() -> Tuning:
-    """The paper's, its force entries read in kN^2 as they must be; section 3.1 (Q_F)."""
+    """The paper's, its force entries read in kN^2; docs/methods/luo2024.md#errata."""
     force = [*4 * [1e-6 * 1e6], *4 * [1e-5 * 1e6]]
     ours = tuning(1.0)
     return Tuning(Q=np.array(7 * [1e-4] + force), R=np.full(ROWS, 1e-4), P0=ours.P0)
@@ -82,7 +82,7 @@ def printed_tuning() -> Tuning:
 
 @njit(cache=True)
 def process(x: Floats, k: int, inputs: TireInputs, car: PlanarCar, y: Floats) -> None:
-    """The state one step on, by Euler's rule; section 4.4.2.
+    """The state one step on, by Euler's rule.
 
     The grade is left out on purpose: v_x is tied to its measurement, so the forces do not take
     up what is missing.
@@ -102,7 +102,7 @@ def process(x: Floats, k: int, inputs: TireInputs, car: PlanarCar, y: Floats) ->
 
 @njit(cache=True)
 def measure(x: Floats, k: int, inputs: TireInputs, car: PlanarCar, z: Floats) -> None:
-    """What the state would measure, all rows; section 4.4.3."""
+    """What the state would measure, all rows."""
     force_x, force_y, _ = resultants(x[7:], inputs.delta[k], car)
     load = inputs.load[k]
     z[0] = x[0]

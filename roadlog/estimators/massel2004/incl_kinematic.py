@@ -1,6 +1,6 @@
 """Inclination from longitudinal specific force minus acceleration, sample by sample.
 
-Massel/Kim/Wang chapter, section 1.7: the base of the straight-driving methods.
+The base of the straight-driving methods: docs/methods/massel2004.md#inclination.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from roadlog.types import Floats
 
 @dataclass(frozen=True)
 class InclKinematicParameters(StraightParameters):
-    """Section 1.7 of the chapter."""
+    """docs/methods/massel2004.md#parameters-of-incl_kinematic."""
 
     average_time: float = parameter(0.0, "s", "further centered moving mean; 0 for none")
 
@@ -59,7 +59,7 @@ INCL_KINEMATIC = Estimator(
     parameters=InclKinematicParameters,
     needs=("imu.accel_x", ANY_SPEED),
     gives=("inclination",),
-    reference="Massel/Kim/Wang chapter, 1.7",
+    reference="roadlog; docs/methods/massel2004.md#inclination",
     summary="inclination from acceleration minus dv/dt, sample by sample; straight driving",
     systematic_deg={"inclination": 0.5},
 )

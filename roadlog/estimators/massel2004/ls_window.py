@@ -1,6 +1,6 @@
 """Pitch and inclination by least squares over a sliding window.
 
-Massel 2004, equations (6)-(15); corrections in the Massel/Kim/Wang chapter, sections 2.0 and 2.1.
+Massel 2004, equations (6)-(15), corrected: docs/methods/massel2004.md#least-squares-window.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from roadlog.filters.windows import moving_sum
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
-MIN_SHARE = 0.9  # of a window's samples that must be known; section 2.1
+MIN_SHARE = 0.9  # of a window's samples that must be known
 
 PRESETS: dict[str, dict[str, Any]] = {
     "paper": {"excitation_min": 0.0, "inclination_source": "paper", "smooth": False},
@@ -37,7 +37,7 @@ PRESETS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class LsWindowParameters(StraightParameters):
-    """Section 2.1 of the chapter; none: as the preset says."""
+    """docs/methods/massel2004.md#parameters-of-ls_window; none: as the preset says."""
 
     preset: Literal["paper", "robust"] = parameter(
         "robust", "", "paper: as printed; robust: gated, well conditioned"
@@ -48,7 +48,7 @@ class LsWindowParameters(StraightParameters):
         None, "", "paper: root of model 1; x: mean of model 2"
     )
     smooth: bool | None = parameter(None, "", "centered window instead of the last samples")
-    pitch_hold_time: float = parameter(30.0, "s", "pitch is held this long; section 1.5")
+    pitch_hold_time: float = parameter(30.0, "s", "pitch is held this long")
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,8 @@ class WindowFit:
 def fit_windows(motion: Longitudinal, n: int, source: str, centered: bool) -> WindowFit:
     """Sliding least squares over n samples; sums of centered signals, never normal equations.
 
-    Model 1: f_z - g = -vdot p - g/2 i^2. Model 2: f_x - vdot = -vdot/2 p^2 + g i (2.0).
+    Model 1: f_z - g = -vdot p - g/2 i^2. Model 2: f_x - vdot = -vdot/2 p^2 + g i;
+    docs/methods/massel2004.md#models.
     """
     y1, y2, u = motion.f_z - G, motion.f_x - motion.vdot, motion.vdot
     mask = np.isfinite(y1) & np.isfinite(y2) & np.isfinite(u)
@@ -120,7 +121,8 @@ def ls_window(
 ) -> Estimate:
     """Pitch is the slope of f_z over dv/dt, inclination the mean of f_x - dv/dt; grade = i - p.
 
-    A body that pitches with dv/dt biases the pitch: p_LS = p + k g i (erratum 2).
+    A body that pitches with dv/dt biases the pitch: p_LS = p + k g i;
+    docs/methods/massel2004.md#errata.
     """
     del vehicle, engine  # no parameter of the car; sliding sums are one vectorized formula
     params = with_preset(params, PRESETS, params.preset)
@@ -160,7 +162,7 @@ LS_WINDOW = Estimator(
     parameters=LsWindowParameters,
     needs=("imu.accel_x", "imu.accel_z", ANY_SPEED),
     gives=("grade", "pitch", "inclination"),
-    reference="Massel 2004, eqs. (6)-(15)",
+    reference="Massel 2004, eqs. (6)-(15); docs/methods/massel2004.md#least-squares-window",
     summary="pitch and grade by sliding least squares; needs changing dv/dt and a smooth road",
     systematic_deg={"grade": 1.7, "pitch": 1.7, "inclination": 0.45},
 )

@@ -1,6 +1,6 @@
 """Grade and pitch by the fourth-order polynomial.
 
-Massel 2004; corrections in the Massel/Kim/Wang chapter, section 2.4.
+Massel 2004, corrected: docs/methods/massel2004.md#polynomial.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ PRESETS: dict[str, dict[str, Any]] = {"paper": {"smooth": False}, "robust": {"sm
 
 @dataclass(frozen=True)
 class PnParameters(AnalyticParameters):
-    """Section 2.4 of the chapter; none: as the preset says."""
+    """docs/methods/massel2004.md#parameters-of-ti-and-pn; none: as the preset says."""
 
     preset: Literal["paper", "robust"] = parameter(
         "robust", "", "paper: causal; robust: centered windows"
@@ -43,7 +43,7 @@ def sample_angles(motion: Longitudinal, params: PnParameters) -> tuple[Floats, F
     """Grade and pitch of every sample alone, and which were dropped: no root, or too steep.
 
     vdot^2/4 p^4 + C vdot p^2 + 2 g vdot p + E = 0 with C = f_x - vdot, E = C^2 + 2 g (f_z - g);
-    p^4 is dropped. The rationalized root is the small one for both signs of vdot (erratum 4).
+    p^4 is dropped. The rationalized root is the small one for both signs of vdot.
     """
     vdot = motion.vdot
     c = motion.f_x - vdot
@@ -79,7 +79,7 @@ PN = Estimator(
     parameters=PnParameters,
     needs=("imu.accel_x", "imu.accel_z", ANY_SPEED),
     gives=("grade", "pitch", "inclination"),
-    reference="Massel 2004, polynomial method",
+    reference="Massel 2004; docs/methods/massel2004.md#polynomial",
     summary="grade and pitch by a polynomial; needs large dv/dt, small grades and a smooth road",
     systematic_deg={"grade": 3.0, "pitch": 3.0, "inclination": 0.6},
 )

@@ -1,6 +1,6 @@
 """Pitch and inclination by recursive least squares with exponential forgetting.
 
-Massel 2004, equations (16)-(18); corrections in the Massel/Kim/Wang chapter, sections 2.0 and 2.2.
+Massel 2004, equations (16)-(18), corrected: docs/methods/massel2004.md#recursive-least-squares.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ PRESETS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class RlsForgetParameters(StraightParameters):
-    """Section 2.2 of the chapter; none: as the preset says."""
+    """docs/methods/massel2004.md#parameters-of-rls_forget; none: as the preset says."""
 
     preset: Literal["paper", "robust"] = parameter(
         "robust", "", "paper: as printed; robust: gated, against windup"
@@ -53,7 +53,7 @@ class RlsForgetParameters(StraightParameters):
     inclination_source: Literal["paper", "x"] | None = parameter(
         None, "", "paper: root of model 1; x: mean of model 2"
     )
-    pitch_hold_time: float = parameter(30.0, "s", "pitch is held this long; section 1.5")
+    pitch_hold_time: float = parameter(30.0, "s", "pitch is held this long")
 
 
 @dataclass(frozen=True)
@@ -73,14 +73,14 @@ class RlsFit:
 def fit_recursively(
     motion: Longitudinal, params: RlsForgetParameters, rate: float, engine: Engine
 ) -> RlsFit:
-    """Two recursions: model 1 gives [pitch, i^2], model 2 gives [pitch^2, i] (2.0)."""
+    """Two recursions: model 1 gives [pitch, i^2], model 2 gives [pitch^2, i]."""
     y1, y2, u = motion.f_z - G, motion.f_x - motion.vdot, motion.vdot
     known = np.isfinite(y1) & np.isfinite(y2) & np.isfinite(u)
     excitation = moving_std(u, round(params.excitation_time * rate))
     updated = known & (excitation >= (params.excitation_min or 0.0))
     forgetting = params.forgetting ** (PAPER_RATE / rate)
     trace_max = math.inf if params.trace_max is None else params.trace_max
-    p0 = min(params.initial_variance, trace_max)  # a larger P0 would be harmful, section 2.2
+    p0 = min(params.initial_variance, trace_max)  # a larger P0 would be harmful
     constant = np.full(len(u), G)
     vertical = rls(Regression(-u, -constant / 2, y1, updated), forgetting, p0, trace_max, engine)
     learned = np.cumsum(updated) > 0
@@ -123,7 +123,7 @@ def rls_forget(
 ) -> Estimate:
     """Recursive least squares on f_z and f_x over dv/dt; memory 0.33 s with the paper's lambda.
 
-    Biased as `ls_window` by a body that pitches with dv/dt: p + k g i (erratum 2).
+    Biased as `ls_window` by a body that pitches with dv/dt: p + k g i.
     """
     del vehicle  # no parameter of the car
     params = with_preset(params, PRESETS, params.preset)
@@ -160,7 +160,7 @@ RLS_FORGET = Estimator(
     parameters=RlsForgetParameters,
     needs=("imu.accel_x", "imu.accel_z", ANY_SPEED),
     gives=("grade", "pitch", "inclination"),
-    reference="Massel 2004, eqs. (16)-(18)",
+    reference="Massel 2004, eqs. (16)-(18); docs/methods/massel2004.md#recursive-least-squares",
     summary="pitch and grade by recursive least squares; needs changing dv/dt and a smooth road",
     systematic_deg={"inclination": 0.7},
 )

@@ -1,6 +1,6 @@
 """Grade and pitch by trigonometric identities.
 
-Massel 2004, equations (19)-(22); corrections in the Massel/Kim/Wang chapter, section 2.3.
+Massel 2004, equations (19)-(22), corrected: docs/methods/massel2004.md#trigonometric-identities.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ PRESETS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class AnalyticParameters(StraightParameters):
-    """What `ti` and `pn` share; section 2.3 of the chapter."""
+    """What `ti` and `pn` share; docs/methods/massel2004.md#parameters-of-ti-and-pn."""
 
     window: float = parameter(0.6, "s", "of the moving means; the paper's 600 samples")
     vdot_min: float = parameter(0.02, "m/s2", "a sample (or window rms) below it says nothing")
@@ -44,7 +44,7 @@ class AnalyticParameters(StraightParameters):
 
 @dataclass(frozen=True)
 class TiParameters(AnalyticParameters):
-    """Section 2.3 of the chapter; none: as the preset says."""
+    """docs/methods/massel2004.md#parameters-of-ti; none: as the preset says."""
 
     preset: Literal["paper", "robust"] = parameter(
         "robust", "", "paper: mean, causal; robust: weighted, centered"
@@ -120,7 +120,7 @@ def fit_identities(motion: Longitudinal, params: TiParameters, rate: float) -> A
 
 
 def analytic_sd(motion: Longitudinal, used_vdot: Floats, n: int, smooth: bool) -> Floats:
-    """rad, sigma_fz / (sqrt(N) rms(vdot)) over the samples used in a window (section 2.3)."""
+    """rad, sigma_fz / (sqrt(N) rms(vdot)) over the samples used in a window."""
     energy = moving_sum(used_vdot**2, n, smooth)
     return motion.f_z_sd / np.sqrt(np.where(energy > 0, energy, np.nan))
 
@@ -172,7 +172,7 @@ TI = Estimator(
     parameters=TiParameters,
     needs=("imu.accel_x", "imu.accel_z", ANY_SPEED),
     gives=("grade", "pitch", "inclination"),
-    reference="Massel 2004, eqs. (19)-(22)",
+    reference="Massel 2004, eqs. (19)-(22); docs/methods/massel2004.md#trigonometric-identities",
     summary="grade and pitch by trigonometric identities; needs large dv/dt and a smooth road",
     systematic_deg={"grade": 4.5, "pitch": 4.5, "inclination": 0.45},
 )

@@ -1,6 +1,6 @@
 """Grade and pitch by trigonometric identities and recursive least squares, weighted by |dv/dt|.
 
-Massel 2004, the combination; Massel/Kim/Wang chapter, section 2.5.
+Massel 2004: docs/methods/massel2004.md#combination.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from roadlog.types import Floats
 
 @dataclass(frozen=True)
 class TiRlsParameters(StraightParameters):
-    """Section 2.5 of the chapter; each part runs with its own defaults of the same preset."""
+    """docs/methods/massel2004.md#parameters-of-ti_rls; the parts have their own defaults."""
 
     preset: Literal["paper", "robust"] = parameter("robust", "", "of both parts: paper or robust")
     vdot_full: float = parameter(0.3, "m/s2", "dv/dt from which only ti counts")
@@ -96,7 +96,7 @@ TI_RLS = Estimator(
     parameters=TiRlsParameters,
     needs=("imu.accel_x", "imu.accel_z", ANY_SPEED),
     gives=("grade", "pitch", "inclination"),
-    reference="Massel 2004, combination",
+    reference="Massel 2004; docs/methods/massel2004.md#combination",
     summary="ti where dv/dt is large, rls_forget where it is small; needs a smooth road",
     systematic_deg={"grade": 2.7, "pitch": 2.7, "inclination": 0.6},
 )

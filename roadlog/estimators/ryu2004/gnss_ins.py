@@ -1,6 +1,6 @@
 """The total-roll layers as estimators of their own: `gnss_ins` and `imu_roll`.
 
-Ryu/Luo chapter, sections 4.7 and 4.7b; the filters are in `total_roll`.
+docs/methods/ryu2004.md#two-antennas; the filters are in `total_roll`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from roadlog.filters import Engine
 
 @dataclass(frozen=True)
 class TotalRollParameters:
-    """The tuning of section 4.7 is fixed in `total_roll`."""
+    """docs/methods/ryu2004.md#parameters-of-gnss_ins-and-imu_roll; tuning is in `total_roll`."""
 
     smooth: bool = parameter(True, "", "Rauch-Tung-Striebel smoothing over the whole drive")
 
@@ -69,7 +69,7 @@ GNSS_INS = Estimator(
     parameters=TotalRollParameters,
     needs=(*_INERTIAL, *(f"gnss.{f}" for f in ("speed", "course", "climb", "heading", "roll"))),
     gives=("roll_total",),
-    reference="Ryu 2004, section on the GPS/INS layer",
+    reference="Ryu 2004, the layer below; docs/methods/ryu2004.md#two-antennas",
     summary="total roll and sideslip from two GNSS antennas and the IMU",
     vehicle=("pitch_gradient", "roll_arm", "imu_position", "antenna_position"),
 )
@@ -80,7 +80,7 @@ IMU_ROLL = Estimator(
     parameters=TotalRollParameters,
     needs=(*_INERTIAL, ANY_SPEED),
     gives=("roll_total",),
-    reference="Ryu/Luo chapter, section 4.7b",
+    reference="roadlog; docs/methods/ryu2004.md#total-roll-from-the-imu",
     summary="total roll from the IMU and the speed, for logs without two antennas",
     vehicle=("pitch_gradient", "roll_gradient", "rear_cornering_stiffness"),
     systematic_deg={"roll_total": 0.15},

@@ -1,6 +1,6 @@
 """Bank of the road and roll of the body, told apart: Ryu's disturbance observer.
 
-Ryu 2004, equations (17)-(24); corrections and tuning in the Ryu/Luo chapter, section 4.6.
+Ryu 2004, equations (17)-(24), corrected: docs/methods/ryu2004.md#observer.
 State: 0 sideslip, 1 yaw rate, 2 roll, 3 roll rate, 4 bank, 5 rate of the road frame's roll,
 6 its acceleration, 7 the yaw rate's share in it. Rows: sideslip, yaw rate, total roll, roll rate.
 """
@@ -28,14 +28,14 @@ from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
 STATES, ROWS = 8, 4
-LINEAR_FORCE = 5.0  # m/s2, lateral, up to which tires are linear; section 4.6
-SPEED_STEP = 0.02  # m/s, change of speed at which the model is discretized anew; section 4.6
+LINEAR_FORCE = 5.0  # m/s2, lateral, up to which tires are linear
+SPEED_STEP = 0.02  # m/s, change of speed at which the model is discretized anew
 INITIAL_VARIANCE = np.array([0.05, 0.1, 0.05, 0.3, 0.08, 0.2, 1.0, 0.05]) ** 2
 # sd of sideslip, yaw rate, total roll and roll rate. Sideslip is weak on purpose: believed, an
-# error of it would go into the bank 17 times. The chapter's 1 deg, in which the error's correlation
+# error of it would go into the bank 17 times. 1 deg, in which the error's correlation
 # over 0.5 s counts, leaves out the tires' own error: 2 deg errs less with right and wrong stiffness
 MEASUREMENT_SD = np.array([2.0, 0.2, 0.25, 0.3]) * DEG
-IMU_ROLL_SD = 1.0 * DEG  # of total roll without two antennas; section 4.7b
+IMU_ROLL_SD = 1.0 * DEG  # of total roll without two antennas
 TYPICAL_DAMPING_RATIO = 0.25  # in roll; wagon 0.18, commonroad_2 0.34
 H = np.zeros((ROWS, STATES))
 H[0, 0] = H[1, 1] = H[2, 2] = H[2, 4] = H[3, 3] = H[3, 5] = 1.0
@@ -43,11 +43,11 @@ H[0, 0] = H[1, 1] = H[2, 2] = H[2, 4] = H[3, 3] = H[3, 5] = 1.0
 
 @dataclass(frozen=True)
 class RollBankParameters:
-    """Section 4.6 of the Ryu/Luo chapter; the noise is in `system`."""
+    """docs/methods/ryu2004.md#parameters-of-roll_bank_obs; the noise is in `system`."""
 
     min_speed: float = parameter(1.5, "m/s", "below it the steady-state split is given")
     beta_speed: float = parameter(3.0, "m/s", "below it sideslip is not measured")
-    settle_time: float = parameter(5.0, "s", "flagged as converging after a start; section 4.8")
+    settle_time: float = parameter(5.0, "s", "flagged as converging after a start")
     smooth: bool = parameter(
         True, "", "smooth total roll and sideslip over the whole drive; the observer is causal"
     )
@@ -270,7 +270,7 @@ ROLL_BANK_OBS = Estimator(
         ANY_SPEED,
     ),
     gives=("bank", "roll", "roll_total"),
-    reference="Ryu 2004, eqs. (17)-(24)",
+    reference="Ryu 2004, eqs. (17)-(24); docs/methods/ryu2004.md#observer",
     summary="disturbance observer: bank of the road and roll of the body told apart",
     vehicle=(
         "mass",

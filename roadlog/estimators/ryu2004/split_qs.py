@@ -1,7 +1,8 @@
 """Bank and roll by the body's steady lean: the baseline, and the fallback at low speed.
 
 Elimination of the rates in Ryu 2004, (17) and (19): roll = K_phi f_y holds with and without
-bank; the Ryu/Luo chapter, section 4.6b. Wrong by 3-5 times the observer above 0.8 Hz of steering.
+bank: docs/methods/ryu2004.md#steady-split. Wrong by 3-5 times the observer above 0.8 Hz of
+steering.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from roadlog.estimators.ryu2004.total_roll import GNSS_GAP, TotalRoll, total_rol
 from roadlog.filters import Engine
 from roadlog.types import Floats
 
-GAIN_SD = 0.10  # of K_phi, relative: what a wrong roll stiffness makes of it; section 4.6
+GAIN_SD = 0.10  # of K_phi, relative: what a wrong roll stiffness makes of it
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ SPLIT_QS = Estimator(
     parameters=SplitParameters,
     needs=("imu.accel_x", "imu.accel_y", "imu.gyro_x", "imu.gyro_y", "imu.gyro_z", ANY_SPEED),
     gives=("bank", "roll", "roll_total"),
-    reference="Ryu 2004, steady state of eqs. (17) and (19)",
+    reference="Ryu 2004, eqs. (17) and (19) at rest; docs/methods/ryu2004.md#steady-split",
     summary="steady lean of the body: bank = total roll less what the side force explains",
     vehicle=("roll_gradient",),
     systematic_deg={"bank": 0.04, "roll": 0.06},

@@ -1,7 +1,7 @@
 """Total roll of the body (bank + roll), from two GNSS antennas or from the IMU alone.
 
 `gnss_ins` is the layer that Ryu 2004 takes from elsewhere (sideslip and total roll); `imu_roll`
-stands in where the log has no second antenna. Ryu/Luo chapter, sections 4.7 and 4.7b.
+stands in where the log has no second antenna. Source: docs/methods/ryu2004.md#two-antennas.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from roadlog.types import Flags, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
 DEG = np.pi / 180
-HOLD_TIME = 0.2  # s, inertial signals are held this long; section 4.8
-INERTIAL_GAP = 0.3  # s, without inertial signals the filters stop; section 4.6
-GNSS_GAP = 2.0  # s, without GNSS the result is no longer valid; section 4.7
-RATE_BIAS_SD = 0.3 * DEG  # rad/s, of a gyro at the start; section 4.7
-CLIMB_WINDOW = 0.6  # s, moving average of the climb angle; section 4.7 (b)
+HOLD_TIME = 0.2  # s, inertial signals are held this long
+INERTIAL_GAP = 0.3  # s, without inertial signals the filters stop
+GNSS_GAP = 2.0  # s, without GNSS the result is no longer valid
+RATE_BIAS_SD = 0.3 * DEG  # rad/s, of a gyro at the start
+CLIMB_WINDOW = 0.6  # s, moving average of the climb angle
 MIN_CLIMB_SPEED = 1.0  # m/s, below it a climb angle and a sideslip are not defined
-DERIVATIVE_WINDOW = 0.5  # s; section 4.7b
-IMU_ROLL_INTERVAL = 0.1  # s between accelerometer angles; section 4.7b
+DERIVATIVE_WINDOW = 0.5  # s
+IMU_ROLL_INTERVAL = 0.1  # s between accelerometer angles
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,11 @@ class AngleTuning:
     measurement: float
 
 
-HEADING = AngleTuning(0.02 * DEG, 0.002 * DEG, 0.15 * DEG)  # 4.7 (a)
-GNSS_ROLL = AngleTuning(0.1 * DEG, 0.002 * DEG, 0.20 * DEG)  # 4.7 (c)
-IMU_ROLL = AngleTuning(0.3 * DEG, 0.002 * DEG, np.sqrt(5.0) * 1.5 * DEG)  # 4.7b
+HEADING = AngleTuning(0.02 * DEG, 0.002 * DEG, 0.15 * DEG)
+GNSS_ROLL = AngleTuning(0.1 * DEG, 0.002 * DEG, 0.20 * DEG)
+IMU_ROLL = AngleTuning(0.3 * DEG, 0.002 * DEG, np.sqrt(5.0) * 1.5 * DEG)
 
-VELOCITY_NOISE = (0.05, 0.05, 0.01, 0.003)  # v_x, v_y m/s2, biases m/s3, per sqrt(Hz); 4.7 (d)
+VELOCITY_NOISE = (0.05, 0.05, 0.01, 0.003)  # v_x, v_y m/s2, biases m/s3, per sqrt(Hz)
 VELOCITY_SD0 = (0.1**0.5, 0.1**0.5, 0.05, 0.05)
 VELOCITY_SD = 0.03  # m/s, of the receiver along each horizontal axis
 
@@ -106,7 +106,7 @@ def total_roll(drive: Drive, vehicle: Vehicle, smooth: bool, engine: Engine) -> 
 
 
 def gnss_ins(drive: Drive, vehicle: Vehicle, smooth: bool, engine: Engine) -> TotalRoll:
-    """Heading, total roll and velocity from two antennas and the IMU; section 4.7.
+    """Heading, total roll and velocity; docs/methods/ryu2004.md#two-antennas.
 
     GNSS samples count at their own times: 50 ms of latency left in cost 0.46 deg of sideslip.
     """
@@ -143,7 +143,7 @@ def gnss_ins(drive: Drive, vehicle: Vehicle, smooth: bool, engine: Engine) -> To
 
 
 def imu_roll(drive: Drive, vehicle: Vehicle, smooth: bool, engine: Engine) -> TotalRoll:
-    """Total roll from the IMU, the speed and the steady side force of the tires; section 4.7b.
+    """Total roll from IMU and speed; docs/methods/ryu2004.md#total-roll-from-the-imu.
 
     The yaw rate's share in the rate of the angle is decisive on a tilted plane. The absolute
     level is lost: roll mounting and accelerometer bias go into the angle one to one.
@@ -201,7 +201,7 @@ def _at_epochs(drive: Drive, field: str) -> Floats:
 
 
 def _climb_angle(drive: Drive) -> Floats:
-    """rad, slope of the motion: interpolated between fixes, averaged over CLIMB_WINDOW; 4.7 (b)."""
+    """rad, slope of the motion: interpolated between fixes, averaged over CLIMB_WINDOW."""
     climb, speed = drive.get("gnss.climb"), drive.get("gnss.speed")
     ratio = np.where(speed > MIN_CLIMB_SPEED, climb / np.maximum(speed, MIN_CLIMB_SPEED), 0.0)
     angle = np.arcsin(np.clip(np.nan_to_num(ratio), -0.9, 0.9))
@@ -224,7 +224,7 @@ def _solve(model: LinearModel, smooth: bool, engine: Engine) -> Track:
 def _angle_filter(
     drive: Drive, rate: Floats, z: Floats, tune: AngleTuning, smooth: bool, engine: Engine
 ) -> tuple[Floats, Floats, Floats]:
-    """Angle, rate bias and sd of the angle: x = [angle, bias], the rate integrated; 4.7 (a, c)."""
+    """Angle, rate bias and sd of the angle: x = [angle, bias], the rate integrated."""
     angle, bias, sd = (np.full(len(drive), np.nan) for _ in range(3))
     dt = drive.dt
     for run in _runs(rate):
@@ -259,7 +259,7 @@ def _velocity_filter(
     smooth: bool,
     engine: Engine,
 ) -> tuple[Floats, Floats]:
-    """Velocity (2, n) at the roll axis under the CG and sd of its lateral part (n,); 4.7 (d, e)."""
+    """Velocity (2, n) at the roll axis under the CG and sd of its lateral part (n,)."""
     p, q, r = rates
     imu = np.array(vehicle.imu_position or (0.0, 0.0, 0.0))
     lever = np.array(vehicle.antenna_position or (0.0, 0.0, 0.0)) - imu
@@ -292,7 +292,7 @@ def _velocity_filter(
 def _velocity_model(
     r: Floats, f_x: Floats, f_y: Floats, z: Floats, heading_sd: Floats, dt: float
 ) -> LinearModel:
-    """x = [v_x, v_y, bias x, bias y] at the IMU; second order in dt; 4.7 (d)."""
+    """x = [v_x, v_y, bias x, bias y] at the IMU; second order in dt."""
     half = 0.5 * dt**2
     F = np.zeros((len(r), 4, 4))
     F[:] = np.eye(4)

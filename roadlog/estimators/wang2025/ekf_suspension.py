@@ -1,6 +1,6 @@
 """Grade and pitch by an extended Kalman filter with a first-order suspension.
 
-Wang 2025; errata, models and tuning in the Massel/Kim/Wang chapter, sections 4.0 to 4.2.
+Wang 2025, corrected: docs/methods/wang2025.md#suspension-filter.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from roadlog.filters import Engine
 from roadlog.filters.gaps import age
 from roadlog.types import Bools, Floats
 
-DAMPING = 0.3  # -, of critical, where the vehicle file gives none; section 4.1
-TUNING_RATE = 100.0  # Hz, at which the chapter gives noises per step
+DAMPING = 0.3  # -, of critical, where the vehicle file gives none
+TUNING_RATE = 100.0  # Hz, at which noises per step are given
 
 
 @dataclass(frozen=True)
 class EkfSuspensionParameters:
-    """Section 4.1 of the chapter; process noises per step at 100 Hz, scaled to the rate."""
+    """docs/methods/wang2025.md#parameters-of-ekf_suspension; noises per step at 100 Hz."""
 
     smooth: bool = parameter(True, "", "Rauch-Tung-Striebel smoothing over the whole drive")
     mount: Literal["body", "road"] = parameter(
@@ -39,7 +39,7 @@ class EkfSuspensionParameters:
     )
     use_drive_force: bool = parameter(True, "", "use the drive force where the log has one")
     wheels: Literal["all", "front", "rear", "median"] = parameter(
-        "all", "", "wheels that give the speed; section 1.2"
+        "all", "", "wheels that give the speed"
     )
     speed_noise: float = parameter(1e-3, "m/s", "process noise of the speed")
     accel_noise: float = parameter(3.0, "m/s2", "of the force balance; 0.3 only with brakes in it")
@@ -57,7 +57,7 @@ def ekf_suspension(
 ) -> Estimate:
     """State [v, a = dv/dt + g sin(grade), grade, pitch], measured v and a (or f_x).
 
-    With mount `road` the pitch is the suspension model's answer to a, never corrected (4.0.8).
+    With mount `road` the pitch is the suspension model's answer to a, never corrected.
     """
     speed, accel = selected_speed(drive, params.wheels), drive.get("imu.accel_x")
     force = drive_force(drive, vehicle) if params.use_drive_force else np.full(len(drive), np.nan)
@@ -126,7 +126,7 @@ def suspension_model(
     accel: Floats,
     force: Floats,
 ) -> SuspensionModel:
-    """The filter's model of this car; stiffness from the pitch gradient, K = m h / k (4.1)."""
+    """The filter's model of this car; stiffness from the pitch gradient, K = m h / k."""
     stiffness = vehicle.mass * vehicle.cg_height / vehicle.pitch_gain
     damping = vehicle.pitch_damping
     if damping is None:
@@ -167,7 +167,7 @@ EKF_SUSPENSION = Estimator(
     parameters=EkfSuspensionParameters,
     needs=("imu.accel_x", ANY_SPEED),
     gives=("grade", "pitch", "inclination"),
-    reference="Wang 2025",
+    reference="Wang 2025; docs/methods/wang2025.md#suspension-filter",
     summary="grade and pitch by a Kalman smoother with the suspension's pitch; straight driving",
     vehicle=("mass", "cg_height", "pitch_gradient", "pitch_inertia", "drag_area"),
     systematic_deg={"grade": 0.4, "pitch": 0.08, "inclination": 0.4},

@@ -1,6 +1,6 @@
 """Fuel in a tilted tank from one sender, the application of Wang 2025.
 
-Massel/Kim/Wang chapter, section 4.4.
+Wang 2025: docs/methods/wang2025.md#fuel-level.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
 LITERS = 1000.0  # L/m3
-SENDER_MARGIN = 0.002  # m; nearer to floor or roof the sender only gives a bound (4.4)
-LEVEL_TILT = 1e-6  # tan; below it the surface counts as level (4.4)
+SENDER_MARGIN = 0.002  # m; nearer to floor or roof the sender only gives a bound
+LEVEL_TILT = 1e-6  # tan; below it the surface counts as level
 
 
 @dataclass(frozen=True)
 class FuelLevelParameters:
-    """Section 4.4 of the chapter."""
+    """docs/methods/wang2025.md#parameters-of-fuel_level."""
 
     tilt_source: Literal["specific_force", "attitude", "attitude_accel"] = parameter(
         "specific_force",
@@ -116,7 +116,7 @@ FUEL_LEVEL = Estimator(
     parameters=FuelLevelParameters,
     needs=("fuel.sender", "imu.accel_x", "imu.accel_z", ANY_SPEED),
     gives=(),
-    reference="Wang 2025, application",
+    reference="Wang 2025; docs/methods/wang2025.md#fuel-level",
     summary="liters of fuel in a tilted tank, from one sender and the specific force",
     vehicle=("tank_length", "tank_width", "tank_height", "tank_sender"),
 )

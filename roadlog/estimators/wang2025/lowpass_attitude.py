@@ -1,6 +1,6 @@
 """Attitude by a low-pass: the plainest inclination estimate, baseline of Wang 2025.
 
-Massel/Kim/Wang chapter, sections 4.3 and 1.7.
+docs/methods/wang2025.md#baselines.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from roadlog.units import STANDARD_GRAVITY as G
 
 @dataclass(frozen=True)
 class LowpassAttitudeParameters:
-    """Section 4.3 of the chapter unless said."""
+    """docs/methods/wang2025.md#parameters-of-lowpass_attitude."""
 
     smooth: bool = parameter(True, "", "centered kernels, low-pass forward and backward in time")
     cutoff: float = parameter(0.1, "Hz", "of the first-order low-pass")
     slope_time: float = parameter(0.21, "s", "window of the speed's derivative")
-    hold_time: float = parameter(5.0, "s", "the last value is held this long; section 1.5")
+    hold_time: float = parameter(5.0, "s", "the last value is held this long")
 
 
 def lowpass_attitude(
@@ -99,6 +99,6 @@ LOWPASS_ATTITUDE = Estimator(
     parameters=LowpassAttitudeParameters,
     needs=("imu.accel_x", ANY_SPEED),
     gives=("inclination",),
-    reference="Wang 2025, baseline",
+    reference="Wang 2025; docs/methods/wang2025.md#baselines",
     summary="low-passed inclination from acceleration minus dv/dt; straight driving",
 )

@@ -1,6 +1,6 @@
 """Attitude by sliding least squares of a constant, baseline of Wang 2025.
 
-Massel/Kim/Wang chapter, section 4.3.
+docs/methods/wang2025.md#baselines.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from roadlog.units import STANDARD_GRAVITY as G
 
 @dataclass(frozen=True)
 class LsAttitudeParameters:
-    """Section 4.3 of the chapter unless said."""
+    """docs/methods/wang2025.md#parameters-of-ls_attitude."""
 
     smooth: bool = parameter(True, "", "centered windows instead of the last samples")
     source: Literal["kinematic", "drive_force"] = parameter(
@@ -34,7 +34,7 @@ class LsAttitudeParameters:
     )
     window: float = parameter(6.0, "s", "of the least squares")
     slope_time: float = parameter(0.21, "s", "window of the speed's derivative")
-    hold_time: float = parameter(5.0, "s", "the last value is held this long; section 1.5")
+    hold_time: float = parameter(5.0, "s", "the last value is held this long")
 
 
 def ls_attitude(
@@ -84,7 +84,7 @@ LS_ATTITUDE = Estimator(
     parameters=LsAttitudeParameters,
     needs=("imu.accel_x", ANY_SPEED),
     gives=("inclination",),
-    reference="Wang 2025, baseline",
+    reference="Wang 2025; docs/methods/wang2025.md#baselines",
     summary="inclination as the mean over 6 s of acceleration minus dv/dt; straight driving",
     systematic_deg={"inclination": 0.45},
 )

@@ -1,7 +1,7 @@
 """Extended Kalman filter and smoother of a car on its pitch suspension.
 
-Wang 2025 with the errata of the Massel/Kim/Wang chapter, sections 4.0 to 4.2. The model is
-written once; the compiled engine and filterpy both run it.
+Wang 2025, corrected: docs/methods/wang2025.md#suspension-filter. The model is written once; the
+compiled engine and filterpy both run it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY
 
 G = STANDARD_GRAVITY
-ROLLING_SPEED = 0.05  # m/s, below it there is no rolling resistance; section 4.1
+ROLLING_SPEED = 0.05  # m/s, below it there is no rolling resistance
 SLOW_SPEED = 0.3  # m/s, below it brakes may hold the car and the force balance says nothing
 SLOW_ACCEL_VARIANCE = 3.0**2  # (m/s2)^2, process noise of the acceleration there
 
@@ -102,7 +102,7 @@ def jacobian(x: Floats, force: float, car: Floats) -> Floats:
 
 @njit(cache=True)
 def measured_accel(x: Floats, body: bool) -> float:
-    """What the accelerometer reads, m/s2: along the body (C1) or along the road."""
+    """What the accelerometer reads, m/s2: along the body or along the road."""
     _, a, grade, pitch = x
     if not body:
         return a
