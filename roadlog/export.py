@@ -17,11 +17,12 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from roadlog.csv_text import csv_text
 from roadlog.drive import resample
 from roadlog.errors import ConfigError, LogReadError, MissingExtraError, near
+from roadlog.files import replacing
 from roadlog.signals import SECTIONS, SIGNALS, Signal
 from roadlog.storage import LogReader, Table
-from roadlog.storage.writer import replacing
 from roadlog.types import Bools, Floats, Stamps
 
 SUFFIXES = (".csv", ".parquet")
@@ -171,7 +172,7 @@ Put = Callable[[Stamps, Sequence[tuple[NDArray, Bools]]], None]
 @contextmanager
 def _csv(file: IO[bytes], columns: Sequence[Column]) -> Iterator[Put]:
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
-    text.write(",".join([TIME, *(_quoted(c.name) for c in columns)]) + "\n")
+    text.write(csv_text([TIME, *(c.name for c in columns)], ()).rstrip() + "\n")
 
     def put(time: Stamps, block: Sequence[tuple[NDArray, Bools]]) -> None:
         cells = [list(map(str, time.tolist()))]
@@ -210,7 +211,3 @@ def _parquet(file: IO[bytes], columns: Sequence[Column]) -> Iterator[Put]:
 def _unit(column: Column) -> Mapping[Any, Any] | None:
     signal = SIGNALS.get(column.name)
     return {"unit": signal.unit} if signal else None
-
-
-def _quoted(name: str) -> str:
-    return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n') else name

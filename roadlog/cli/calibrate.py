@@ -36,14 +36,13 @@ def calibrate(
     """
     from roadlog.calibrate import calibrate as find
     from roadlog.car.vehicle import Vehicle
+    from roadlog.files import write
     from roadlog.log import DriveLog
-    from roadlog.storage.writer import replacing
 
     opened = [DriveLog(path) for path in dict.fromkeys(logs)]
     base = Vehicle.load(vehicle) if vehicle else opened[0].vehicle
     found = find({str(log.path): log.drive() for log in opened}, base)
-    with replacing(out) as file:
-        file.write(found.vehicle.to_toml().encode())
+    write(out, found.vehicle.to_toml())
     if as_json:
         console.print_json(_report(found, opened, out))
     else:

@@ -121,20 +121,15 @@ def _percent(share: float | None) -> str:
 
 
 def _write_csv(path: Path, results: list[tuple[str, Metrics]]) -> None:
-    import csv
-
-    from roadlog.errors import LogWriteError
+    from roadlog.csv_text import csv_text
+    from roadlog.files import write
     from roadlog.metrics import AngleMetrics
 
     fields = ["log", "estimator", "angle", *AngleMetrics.__dataclass_fields__]
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, fields)
-            writer.writeheader()
-            for log, values in results:
-                for name, angles in values.items():
-                    for angle, m in angles.items():
-                        key = {"log": log, "estimator": name, "angle": angle}
-                        writer.writerow(key | asdict(m))
-    except OSError as error:
-        raise LogWriteError(f"{path}: cannot be written: {error.strerror}") from error
+    rows = [
+        {"log": log, "estimator": name, "angle": angle} | asdict(m)
+        for log, values in results
+        for name, angles in values.items()
+        for angle, m in angles.items()
+    ]
+    write(path, csv_text(fields, rows))

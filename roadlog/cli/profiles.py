@@ -37,19 +37,16 @@ def new(
 
     Example: roadlog profile new drive.csv -o logger.toml
     """
-    from roadlog.errors import ConfigError
+    from roadlog.files import check_output, write
     from roadlog.ingest.drafting.starter import starter
 
+    if out is not None:
+        check_output(out, [*sources, *(dbc or [])])
     text = starter(sources, dbc or [])
     if out is None:
         console.say(text.rstrip())
         return
-    if out.exists():
-        raise ConfigError(f"{out}: is there already; give another -o, or remove it")
-    try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"{out}: cannot be written: {error.strerror}") from error
+    write(out, text, force=False)
     places = " ".join(str(source) for source in sources)
     console.say(f"{out}: check its comments, then")
     console.say(f"roadlog ingest {places} -o drive.mcap --profile {out}")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from roadlog.csv_text import csv_text
+from roadlog.files import write
 from roadlog.report.row import STATUSES
 from roadlog.report.table import Row
 from roadlog.signals import ANGLES
@@ -55,11 +56,8 @@ class Comparison:
 
     def write(self, folder: Path) -> None:
         """All changes as CSV."""
-        path = folder / COMPARISON
-        with path.open("w", newline="", encoding="utf-8", errors="replace") as file:
-            writer = csv.DictWriter(file, list(Change.__dataclass_fields__))
-            writer.writeheader()
-            writer.writerows(asdict(change) for change in self.changes)
+        columns = list(Change.__dataclass_fields__)
+        write(folder / COMPARISON, csv_text(columns, map(asdict, self.changes)))
 
 
 def compare(

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from roadlog.errors import ConfigError, MissingExtraError
+from roadlog.files import write
 from roadlog.report.detail import script_json
 from roadlog.report.row import STATUSES, Options
 from roadlog.report.table import Row
@@ -49,10 +50,9 @@ def write_assets(folder: Path) -> None:
     from plotly.offline import get_plotlyjs
 
     assets = folder / ASSETS
-    assets.mkdir(exist_ok=True)
-    (assets / "plotly.min.js").write_text(get_plotlyjs(), encoding="utf-8")
+    write(assets / "plotly.min.js", get_plotlyjs())
     for name in ("report.css", "common.js", "detail.js"):
-        (assets / name).write_text(_text(name), encoding="utf-8")
+        write(assets / name, _text(name))
 
 
 def detail_page(name: str, data: str) -> str:
@@ -114,9 +114,7 @@ def write_index(
         parameters=_parameters(rows),
         data=script_json(data),
     )
-    part = folder / f".{INDEX}.part"
-    part.write_text(page, encoding="utf-8", errors="replace")
-    part.replace(folder / INDEX)
+    write(folder / INDEX, page)
 
 
 def _shown(rows: Sequence[Row], ranked: Mapping[str, list]) -> Sequence[Row]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.drive import Drive, runs
+from roadlog.files import replacing
 from roadlog.log import AngleTrack
 from roadlog.types import Floats
 
@@ -139,7 +140,8 @@ class RoadProfile:
         import pyarrow as pa
         from pyarrow import parquet
 
-        parquet.write_table(pa.table(self.columns()), path)
+        with replacing(path) as file:
+            parquet.write_table(pa.table(self.columns()), file)
 
 
 class RoadMerger:

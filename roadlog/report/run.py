@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from roadlog.errors import LogReadError, LogWriteError
+from roadlog.files import write
 from roadlog.report import page, table
 from roadlog.report.batch import Engine, Outcome, WorkerDiedError, map_logs
 from roadlog.report.compare import Comparison, compare
@@ -89,7 +90,7 @@ def run(
     rows = dict(done)
     try:
         _forget(folder, keep=done)
-        (folder / OPTIONS).write_text(json.dumps(asdict(options), indent=1), encoding="utf-8")
+        write(folder / OPTIONS, json.dumps(asdict(options), indent=1))
         if todo:
             for row in _work(todo, options, folder, engine()):
                 rows[row["log"]] = row
@@ -161,10 +162,9 @@ def _work(todo: Sequence[Source], options: Options, folder: Path, engine: Engine
                 stem = detail_name(outcome.item.url)
                 if result.detail:
                     text = page.detail_page(outcome.item.name, result.detail)
-                    path = folder / DETAILS / f"{stem}.html"
-                    path.write_text(text, encoding="utf-8", errors="replace")
+                    write(folder / DETAILS / f"{stem}.html", text)
                 if result.passes:
-                    (folder / PASSES / f"{stem}.npz").write_bytes(result.passes)
+                    write(folder / PASSES / f"{stem}.npz", result.passes)
                 table.write_row(file, result.row)
                 yield result.row
     finally:
@@ -194,11 +194,7 @@ def _forget(folder: Path, keep: dict[str, Row]) -> None:
         old = {}
     if len(old) == len(keep) and (folder / table.ROWS).exists():
         return
-    part = folder / f".{table.ROWS}.part"
-    with part.open("w", encoding="utf-8") as file:
-        for row in keep.values():
-            file.write(json.dumps(row, separators=(",", ":")) + "\n")
-    part.replace(folder / table.ROWS)
+    write(folder / table.ROWS, "".join(map(table.line, keep.values())))
     for url in old.keys() - keep.keys():
         (folder / DETAILS / f"{detail_name(url)}.html").unlink(missing_ok=True)
         (folder / PASSES / f"{detail_name(url)}.npz").unlink(missing_ok=True)

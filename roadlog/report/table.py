@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
+from roadlog.csv_text import csv_text
 from roadlog.errors import LogReadError
+from roadlog.files import replacing, write
 
 ROWS = "rows.jsonl"
 TABLE = "table"
@@ -39,12 +40,12 @@ def read_rows(folder: Path) -> dict[str, Row]:
     try:
         with path.open("rb+") as file:
             good = 0
-            for line in file:
-                if not line.endswith(b"\n"):
+            for text in file:
+                if not text.endswith(b"\n"):
                     break
-                row = json.loads(line)
+                row = json.loads(text)
                 rows[row["log"]] = row
-                good += len(line)
+                good += len(text)
             file.truncate(good)
     except FileNotFoundError:
         return {}
@@ -55,9 +56,14 @@ def read_rows(folder: Path) -> dict[str, Row]:
     return rows
 
 
+def line(row: Mapping[str, Any]) -> str:
+    """A row as it stands in the file."""
+    return json.dumps(row, separators=(",", ":"), allow_nan=False) + "\n"
+
+
 def write_row(file: IO[str], row: Mapping[str, Any]) -> None:
     """Append a row; it is with the operating system when this returns."""
-    file.write(json.dumps(row, separators=(",", ":"), allow_nan=False) + "\n")
+    file.write(line(row))
     file.flush()
 
 
@@ -101,12 +107,10 @@ def _write(stem: Path, columns: Sequence[str], rows: Sequence[Row]) -> None:
     from pyarrow import parquet
 
     printable = [{name: _printable(row[name]) for name in columns} for row in rows]
-    with stem.with_suffix(".csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns)
-        writer.writeheader()
-        writer.writerows(printable)
+    write(stem.with_suffix(".csv"), csv_text(columns, printable))
     arrays = {name: [row[name] for row in printable] for name in columns}
-    parquet.write_table(pa.table(arrays), stem.with_suffix(".parquet"))
+    with replacing(stem.with_suffix(".parquet")) as file:
+        parquet.write_table(pa.table(arrays), file)
 
 
 def _printable(value: Any) -> Any:

@@ -15,14 +15,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
+from roadlog import files
 from roadlog.errors import LogReadError, LogWriteError
 from roadlog.storage.container import COPY_SIZE, Source, crc_of
 from roadlog.storage.records import Damage, crc32
-
-try:
-    import fcntl
-except ImportError:  # no locks on this system
-    fcntl = None  # type: ignore[assignment]
 
 MAGIC = b"roadlog undo 1\n"
 _HEAD = struct.Struct("<QQII")  # place of change, old size, CRC of the old end, fingerprint
@@ -59,19 +55,16 @@ def changing(log: Path, source: Source, cut: int) -> Iterator[Before]:
     When the body raises the log is put back. Raises LogWriteError.
     """
     path = path_of(log)
-    part = path.with_name(path.name + ".part")
+    if files.state(path) is not None:
+        raise LogWriteError(f"{path}: is in the way of a change in place; move it away")
     try:
-        with os.fdopen(os.open(part, os.O_RDWR | os.O_CREAT, 0o600), "w+b") as file:
-            if not _lock(file):
-                raise LogWriteError(f"{log}: is being changed by another process")
-            file.truncate(0)
+        with files.temporary(path.parent, 0o600) as part:
             crc = crc_of(source, cut, source.size)
             head = _HEAD.pack(cut, source.size, crc, _fingerprint(source, cut))
-            file.write(MAGIC + head)
-            source.copy_to(file, cut, source.size)
-            _sync(file)
-            part.replace(path)
-            sync_folder(path.parent)
+            part.file.write(MAGIC + head)
+            source.copy_to(part.file, cut, source.size)
+            part.sync()
+            part.become(path, None)
             kept = Source(path)
             try:
                 yield Before(source, kept, cut)
@@ -81,12 +74,20 @@ def changing(log: Path, source: Source, cut: int) -> Iterator[Before]:
             finally:
                 kept.close()
             path.unlink()
-            sync_folder(path.parent)
+            files.sync_folder(path.parent)
     except OSError as error:
         raise LogWriteError(f"{log}: cannot be changed in place: {error.strerror}") from error
-    finally:
-        with suppress(OSError):  # a folder that may not be written has none
-            part.unlink()
+
+
+def forget(log: Path) -> None:
+    """Remove the journal of a log that another one has replaced; what is none stays."""
+    path = path_of(log)
+    with suppress(OSError):
+        if path.is_symlink() or not path.is_file():
+            return
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) == MAGIC and files.lock(file):
+                path.unlink()
 
 
 def recover(log: Path) -> None:
@@ -96,7 +97,7 @@ def recover(log: Path) -> None:
         return
     try:
         with path.open("r+b") as file:
-            if not _lock(file):
+            if not files.lock(file):
                 raise LogReadError(f"{log}: is being changed by another process; try again later")
             if not path.exists():
                 return  # that process was done just now
@@ -136,7 +137,7 @@ def _put_back(log: Path, kept: Source) -> None:
         file.truncate(size)
         _sync(file)
     path.unlink()
-    sync_folder(path.parent)
+    files.sync_folder(path.parent)
 
 
 def _fingerprint(source: Source, cut: int) -> int:
@@ -144,26 +145,6 @@ def _fingerprint(source: Source, cut: int) -> int:
     return crc32(source.read(start, cut - start))
 
 
-def _lock(file: IO[bytes]) -> bool:
-    """Whether nobody else has the journal locked; the lock goes with the process or the file."""
-    if fcntl is None:
-        return True
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
-
-
 def _sync(file: IO[bytes]) -> None:
     file.flush()
     os.fsync(file.fileno())
-
-
-def sync_folder(path: Path) -> None:
-    """Make the names in this folder last."""
-    folder = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)

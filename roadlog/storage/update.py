@@ -16,14 +16,15 @@ from typing import NamedTuple
 import numpy as np
 
 from roadlog.errors import LogWriteError
-from roadlog.storage import container, crc, records
+from roadlog.files import replacing
+from roadlog.storage import container, crc, journal, records
 from roadlog.storage.container import RAW, Record, Source, outer_records, walk, word
 from roadlog.storage.contents import Contents
 from roadlog.storage.journal import Before, changing
 from roadlog.storage.reader import LogReader
 from roadlog.storage.records import LOG_TIME, PREFIX, Chunk, Damage, Fields
 from roadlog.storage.table import Table
-from roadlog.storage.writer import Writer, replacing
+from roadlog.storage.writer import Writer
 
 
 def update_log(
@@ -56,6 +57,7 @@ def update_log(
                         f"{path}: was changed by another program while results were made, and is "
                         f"left so; run again when nobody writes to it, or write elsewhere (--out)"
                     )
+            journal.forget(Path(out or path))
             return
         cut, crc_before = plan.first_change, plan.start_crc(old.source)
         with changing(path, old.source, cut) as before, path.open("r+b") as file:

@@ -6,11 +6,8 @@ a result is removed by leaving its chunks out. Layout and reasons: docs/format.m
 
 from __future__ import annotations
 
-import os
 import struct
-import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -21,10 +18,11 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from roadlog.errors import ConfigError, LogWriteError, near
-from roadlog.storage import records, schemas
+from roadlog.errors import ConfigError, near
+from roadlog.files import replacing
+from roadlog.storage import journal, records, schemas
 from roadlog.storage.container import COPY_SIZE, Offsets, Source
-from roadlog.storage.journal import Before, path_of, sync_folder
+from roadlog.storage.journal import Before
 from roadlog.storage.messages import Wire
 from roadlog.storage.records import (
     MAGIC,
@@ -39,7 +37,6 @@ from roadlog.storage.table import Table
 
 WINDOW = 60 * 10**9  # ns of one channel in a chunk, aligned to the epoch
 MAX_CHUNK = 1 << 20  # bytes before compression: what players load at once (Foxglove's advice)
-BUFFER = 1 << 20  # bytes that are written to the file at once
 ZSTD_LEVEL = 1  # faster and, on quantized sensor values, smaller than the default 3
 
 Times = NDArray[np.uint64]
@@ -248,51 +245,19 @@ def write_log(
     metadata: Mapping[str, Mapping[str, str]],
     *,
     compression: str = "zstd",
+    force: bool = True,
 ) -> None:
     """Write a new log, whole or not at all. Raises LogWriteError, ConfigError.
 
-    compression: zstd, lz4 or none.
+    compression: zstd, lz4 or none. force: a file that stands there may go.
     """
     name = "" if compression == "none" else compression
     compressor(name)
-    with replacing(Path(path)) as file:
+    with replacing(Path(path), force=force) as file:
         writer = Writer(file, name)
         writer.start()
         writer.put_tables(tables)
         for key, record in metadata.items():
             writer.put_metadata(key, record)
         writer.finish()
-
-
-def _mode(path: Path) -> int:
-    """Permissions of the file that is replaced, or those that any new file gets."""
-    try:
-        return path.stat().st_mode & 0o777
-    except FileNotFoundError:
-        mask = os.umask(0)
-        os.umask(mask)
-        return 0o666 & ~mask
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[IO[bytes]]:
-    """A temporary file beside `path` that takes its place when all went well."""
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-    except OSError as error:
-        raise LogWriteError(f"{path}: cannot be written: {error.strerror}") from error
-    try:
-        with os.fdopen(handle, "wb", BUFFER) as file:
-            os.fchmod(file.fileno(), _mode(path))
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).replace(path)
-        path_of(path).unlink(missing_ok=True)  # of the file that is gone
-        sync_folder(path.parent)
-    except OSError as error:
-        Path(name).unlink(missing_ok=True)
-        raise LogWriteError(f"{path}: cannot be written: {error.strerror}") from error
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    journal.forget(Path(path))

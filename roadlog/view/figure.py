@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from roadlog.errors import LogReadError
-from roadlog.storage.writer import replacing
+from roadlog.files import replacing
 from roadlog.view import colors
 from roadlog.view.model import Curve, DriveView
 

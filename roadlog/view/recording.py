@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 
 from roadlog.errors import RoadlogError
-from roadlog.storage.writer import replacing
+from roadlog.files import write
 from roadlog.types import Floats, Stamps
 from roadlog.view import colors
 from roadlog.view.lanes import STATES
@@ -33,8 +33,7 @@ def write_recording(view: DriveView, path: Path) -> None:
         sink.send_blueprint(layout(view), make_active=False, make_default=True)
         log_view(sink, view)
         content = stream.read(flush=True)
-    with replacing(path) as file:
-        file.write(content or b"")
+    write(path, content or b"")
 
 
 def send_recording(view: DriveView, url: str) -> None:

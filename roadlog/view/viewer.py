@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.errors import RoadlogError
+from roadlog.files import write
 
 RERUN = (0, 41)  # the minor version that layout and recording are written for
 LOOPBACK = "127.0.0.1"
@@ -121,7 +122,7 @@ def pictures(path: Path, folder: Path, at: float, size: str = WINDOW) -> list[Pa
         for k, name in enumerate(viewer.tabs, 1):
             viewer.show(name)
             target = folder / f"{k}-{name.lower()}.png"
-            target.write_bytes(viewer.picture())
+            write(target, viewer.picture())
             problems = viewer.problems()
             if problems:
                 raise RoadlogError(f"{path}: tab {name}: {'; '.join(problems)}")

@@ -1,0 +1,274 @@
+"""Files that appear whole or not at all; nothing that roadlog did not make is removed.
+
+A file is written under a name that nobody can guess, synced, and takes its place at once. What a
+killed run left is known by its name, which holds the file's own number, and by the lock that ended
+with the process; the next run in that folder removes it.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import secrets
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, NamedTuple
+
+from roadlog.errors import LogWriteError
+
+try:
+    import fcntl
+except ImportError:  # no locks on this system: what is left over stays
+    fcntl = None  # type: ignore[assignment]
+
+BUFFER = 1 << 20  # bytes that are written to the file at once
+OWNER_WRITES = 0o200
+TRIES = 3  # to make a temporary file
+_PART = re.compile(r"\.roadlog-([0-9a-f]{1,16})-[0-9a-f]{16}\.part")
+_NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0) | os.O_CLOEXEC
+
+
+class State(NamedTuple):
+    """Which file, and in what state: another number, size or time is another content."""
+
+    device: int
+    number: int
+    size: int
+    changed_ns: int
+
+    @classmethod
+    def of(cls, status: os.stat_result) -> State:
+        return cls(status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
+
+
+def state(path: Path) -> State | None:
+    """What stands at a path, of a link the link itself; None for nothing."""
+    try:
+        return State.of(path.lstat())
+    except FileNotFoundError:
+        return None
+
+
+def check_output(out: Path, inputs: Iterable[Path] = (), *, force: bool = False) -> None:
+    """Raise LogWriteError where writing `out` would cost a file that nobody gave away.
+
+    That is one of the inputs, whatever it is called there, a file below an input folder, or
+    without `force` any file that is there.
+    """
+    try:
+        standing = out.lstat()
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise LogWriteError(f"{out}: cannot be written: {error.strerror}") from error
+    for given in inputs:
+        with suppress(OSError):
+            if out.samefile(given) or out.resolve().is_relative_to(given.resolve()):
+                raise LogWriteError(f"{out}: is one of the inputs; give another output")
+    if out.exists() and not out.is_file():  # a link to nowhere may go
+        kind = "is a folder" if out.is_dir() else "is no plain file"
+        raise LogWriteError(f"{out}: {kind}; give the name of a file")
+    if not force:
+        raise LogWriteError(f"{out}: is there already; give another output, or --force")
+    check_unprotected(out, standing)
+
+
+def check_unprotected(path: Path, status: os.stat_result) -> None:
+    """Raise LogWriteError for a file that its owner may not write, whoever asks."""
+    if not status.st_mode & OWNER_WRITES:
+        raise LogWriteError(
+            f"{path}: is write-protected; write elsewhere (-o), or allow it: chmod u+w {path}"
+        )
+
+
+@dataclass
+class Part:
+    """A file that is being written under a passing name, locked as long as it is open."""
+
+    file: IO[bytes]
+    path: Path
+
+    def sync(self) -> None:
+        """Make the content last."""
+        self.file.flush()
+        os.fsync(self.file.fileno())
+
+    def become(self, target: Path, standing: State | None) -> None:
+        """Take the place of what stood at `target`, or of nothing.
+
+        Raises LogWriteError where something else stands there by now; that stays.
+        """
+        if standing is None:
+            self._appear(target)
+        else:
+            if state(target) != standing:
+                raise _changed(target)
+            status = target.lstat()
+            if stat.S_ISREG(status.st_mode):
+                check_unprotected(target, status)
+                self._take_over(status)
+            self.path.replace(target)
+        sync_folder(target.parent)
+
+    def _take_over(self, status: os.stat_result) -> None:
+        """Owner and permissions of another file."""
+        now = os.fstat(self.file.fileno())
+        if (now.st_uid, now.st_gid) != (status.st_uid, status.st_gid):
+            with suppress(OSError, AttributeError):  # who may not give it away keeps it
+                os.fchown(self.file.fileno(), status.st_uid, status.st_gid)
+        self.path.chmod(status.st_mode & 0o777)
+
+    def _appear(self, target: Path) -> None:
+        try:
+            os.link(self.path, target, follow_symlinks=False)  # fails where there is anything
+        except FileExistsError:
+            raise _changed(target) from None
+        except (OSError, NotImplementedError):  # a file system without links
+            if state(target) is not None:
+                raise _changed(target) from None
+            self.path.replace(target)
+        else:
+            self.path.unlink()
+
+
+def _changed(target: Path) -> LogWriteError:
+    return LogWriteError(
+        f"{target}: was changed by another program meanwhile, and is left so; run again when "
+        f"nobody writes to it, or write elsewhere (-o)"
+    )
+
+
+@contextmanager
+def temporary(folder: Path, mode: int = 0o666) -> Iterator[Part]:
+    """A new file in a folder, removed unless it became another. Raises OSError."""
+    remove_left_over(folder)
+    part = _new(folder, mode)
+    try:
+        with part.file:
+            yield part
+    finally:
+        part.path.unlink(missing_ok=True)
+
+
+@contextmanager
+def replacing(path: Path, *, force: bool = True) -> Iterator[IO[bytes]]:
+    """A file that takes the place of `path` when all went well, with its permissions.
+
+    force: what stands there now may go; without it nothing may stand there. A link is replaced, not
+    followed. Raises LogWriteError.
+    """
+    try:
+        standing = state(path)
+        if standing is not None:
+            check_output(path, force=force)
+        private = standing is not None and path.is_file() and not path.is_symlink()
+        with temporary(path.parent, 0o600 if private else 0o666) as part:
+            yield part.file
+            part.sync()
+            part.become(path, standing)
+    except OSError as error:
+        raise LogWriteError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def write(path: Path, content: bytes | str, *, force: bool = True) -> None:
+    """A whole file at once; text as UTF-8. Raises LogWriteError."""
+    data = content if isinstance(content, bytes) else content.encode("utf-8", "replace")
+    with replacing(path, force=force) as file:
+        file.write(data)
+
+
+def lock(file: IO[bytes] | int) -> bool:
+    """Whether nobody else has this file locked; the lock goes with the process or the handle."""
+    if fcntl is None:
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        return True
+    return True
+
+
+def remove_left_over(folder: Path) -> None:
+    """Remove what killed runs left of files they were writing in this folder."""
+    if fcntl is None:
+        return
+    try:
+        with os.scandir(folder) as entries:
+            found = [entry.name for entry in entries if _PART.fullmatch(entry.name)]
+    except OSError:
+        return
+    for name in found:
+        with suppress(OSError):
+            handle = os.open(folder / name, os.O_RDONLY | _NO_FOLLOW | os.O_NONBLOCK)
+            try:
+                if _is_ours(name, os.fstat(handle)) and lock(handle):
+                    (folder / name).unlink()
+            finally:
+                os.close(handle)
+
+
+def _is_ours(name: str, status: os.stat_result) -> bool:
+    """Whether a file is the one that its name says; 0 is the number of one not yet begun."""
+    match = _PART.fullmatch(name)
+    number = int(match[1], 16) if match else None
+    return number == status.st_ino or (number == 0 and status.st_size == 0)
+
+
+def sync_folder(path: Path) -> None:
+    """Make the names in this folder last, where the system can."""
+    with suppress(OSError):
+        handle = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def _new(folder: Path, mode: int) -> Part:
+    """A locked, empty file whose name holds its number."""
+    for _ in range(TRIES):
+        chance = secrets.token_hex(8)
+        first = folder / f".roadlog-0-{chance}.part"
+        handle = os.open(first, os.O_RDWR | os.O_CREAT | os.O_EXCL | _NO_FOLLOW, mode)
+        file = os.fdopen(handle, "w+b", BUFFER)
+        path = folder / f".roadlog-{os.fstat(handle).st_ino:x}-{chance}.part"
+        try:
+            if lock(file):
+                first.rename(path)
+                return Part(file, path)
+        except FileNotFoundError:  # another run took it for a killed one's before it was locked
+            pass
+        except BaseException:
+            first.unlink(missing_ok=True)
+            raise
+        file.close()
+    raise OSError(errno.EAGAIN, "temporary files vanish", str(folder))
+
+
+@contextmanager
+def folder_for(path: Path) -> Iterator[None]:
+    """Make the folder of a file if it is missing; when the block raises it goes again, if empty.
+
+    Raises LogWriteError.
+    """
+    missing, folder = [], path.parent
+    while not folder.exists():
+        missing.append(folder)
+        folder = folder.parent
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise LogWriteError(f"{path}: cannot be written: {error.strerror}") from error
+    try:
+        yield
+    except BaseException:
+        for each in missing:
+            with suppress(OSError):  # there is something in it
+                each.rmdir()
+        raise
