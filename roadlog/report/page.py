@@ -50,6 +50,7 @@ def write_assets(folder: Path) -> None:
     from plotly.offline import get_plotlyjs
 
     assets = folder / ASSETS
+    assets.mkdir(exist_ok=True)
     write(assets / "plotly.min.js", get_plotlyjs())
     for name in ("report.css", "common.js", "detail.js"):
         write(assets / name, _text(name))
