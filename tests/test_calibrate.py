@@ -309,4 +309,4 @@ def test_comma2k19_mounting(shared: Path, without: tuple[str, ...]) -> None:
     grade = np.interp(truth.time, drive.time_ns, estimate.grade)
     late = truth.time > truth.time[0] + 5e9
     spread = np.degrees(np.nanstd((grade - truth.columns["grade"])[late]))
-    assert spread < 0.16  # the issue asks for 0.18; 0.142 with u-blox, 0.150 without
+    assert spread < 0.16  # 0.142 with u-blox, 0.150 without

@@ -84,7 +84,7 @@ def test_clock_jump_of_years_is_an_error_not_a_huge_grid() -> None:
 
 
 def test_static_mask_keeps_clear_of_motion_on_both_sides() -> None:
-    """B10 of the Massel/Kim/Wang chapter."""
+    """No sample near a moving one stands; NaN never does; docs/methods/common.md#standstill."""
     v = np.zeros(1000)
     v[:200] = 5.0
     v[700:] = 5.0

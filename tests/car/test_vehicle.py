@@ -72,8 +72,8 @@ def test_bad_file_is_explained(text: str, message: str) -> None:
 
 def test_gradients_follow_from_stiffness() -> None:
     wang = Vehicle.preset("wang2025")
-    # methods, Massel chapter 4.1: k = m h / K = 0.238 deg/(m/s2)
+    # docs/methods/common.md#preset-cars: k = m h / K = 0.238 deg/(m/s2)
     assert wang.pitch_gain == pytest.approx(0.238 * 3.14159265 / 180, rel=5e-3)
     soft = dataclasses.replace(Vehicle.preset("wagon"), roll_gradient=None)
-    # methods, Ryu/Luo chapter section 2: K_phi = m h / k_r = 0.0113
+    # docs/methods/common.md#preset-cars: K_phi = m h / k_r = 0.0113
     assert soft.roll_gain == pytest.approx(0.0113, rel=2e-3)

@@ -15,7 +15,7 @@ KEYS = {"case", "metric", "unit", "paper", "documented", "now"}
 
 
 def only_paper(text: str) -> dict[str, Any]:
-    """The one paper of a `--json`, after a look at every key and type of design section 5."""
+    """The one paper of a `--json`, after a look at every key and type."""
     (paper,) = json.loads(text)
     assert set(paper) == {"paper", "tables", "claims"}
     assert paper["tables"]

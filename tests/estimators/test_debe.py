@@ -51,7 +51,7 @@ def with_held_brake(drive: Drive, torque: float) -> Drive:
 
 @pytest.mark.parametrize("variant", ["corrected", "eq37_brake", "eq37"])
 def test_engines_agree(straight: PlanarTruth, variant: str) -> None:
-    """T6: 1e-12, over a stop and a gap in the speed too."""
+    """1e-12, over a stop and a gap in the speed too."""
     drive = straight.drive
     speed = drive["wheel_speeds.fl"].copy()
     speed[1000:1100], speed[2000:2050] = 0.5, np.nan
@@ -73,7 +73,7 @@ def test_finds_the_grade_of_a_straight_road(straight: PlanarTruth) -> None:
 
 
 def test_needs_the_brake_torque(straight: PlanarTruth) -> None:
-    """T12: without it the mean error is more than 3 times larger."""
+    """Without it the mean error is more than 3 times larger."""
 
     def mean_error(variant: str) -> float:
         grade = estimators.run("debe", straight.drive, WAGON, {"variant": variant}).grade
@@ -84,7 +84,7 @@ def test_needs_the_brake_torque(straight: PlanarTruth) -> None:
 
 
 def test_freezes_while_the_brake_is_held(straight: PlanarTruth) -> None:
-    """T18: 1500 N m at rest reads as a steep grade unless the filter freezes."""
+    """1500 N m at rest reads as a steep grade unless the filter freezes."""
     drive = with_held_brake(straight.drive, 1500.0)
     free = estimators.run("debe", drive, WAGON, {"min_speed": 0.0})
     frozen = estimators.run("debe", drive, WAGON)
@@ -139,14 +139,14 @@ def test_long_gap_in_the_speed_gives_nothing_then_starts_again(straight: PlanarT
 def test_wrong_parameters_cost_what_the_chapter_says(
     straight: PlanarTruth, change: dict[str, float], low: float, high: float
 ) -> None:
-    """Section 2: rolling resistance +20 % gives -0.22 % of grade, drag -10 % gives +0.02 %."""
+    """Rolling resistance +20 % gives -0.22 % of grade, drag -10 % gives +0.02 %."""
     right = estimators.run("debe", straight.drive, WAGON).grade
     wrong = estimators.run("debe", straight.drive, WAGON.with_values(**change)).grade
     assert low < 100 * float((np.tan(wrong) - np.tan(right))[500:].mean()) < high
 
 
 def test_mass_error_is_a_share_of_the_grade(straight: PlanarTruth) -> None:
-    """Section 2: mass +5 % gives 5 % of slope error."""
+    """Mass +5 % gives 5 % of slope error."""
     heavy = WAGON.with_values(mass=1.05 * WAGON.mass)
     right = estimators.run("debe", straight.drive, WAGON).grade
     wrong = estimators.run("debe", straight.drive, heavy).grade

@@ -1,4 +1,4 @@
-"""The Ryu and Luo estimators on the full simulated car (Ryu/Luo chapter, section 7)."""
+"""The Ryu and Luo estimators on the full simulated car."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from roadlog.signals import FLAGS
 from roadlog.simulate import simulate
 
 pytestmark = pytest.mark.slow
-SKIP = 500  # samples, as the chapter leaves out the first five seconds
+SKIP = 500  # samples: the first five seconds are left out
 WHEELS = ("fl", "fr", "rl", "rr")
 RAMPS = pytest.mark.parametrize("name", ["luo2024-s1", "luo2024-s2", "luo2024-s3", "luo2024-s3b"])
 
@@ -79,7 +79,7 @@ def test_wheels_give_the_speed_of_the_cg(name: str, ideal: bool) -> None:
 
 
 def test_driven_wheels_inertia_counts() -> None:
-    """Section 2, s3b ideal: without the engine's inertia RMSE 0.184 to 0.245 %, a third more."""
+    """s3b ideal: without the engine's inertia RMSE 0.184 to 0.245 %, a third more."""
     drive, vehicle, truth = scenario("luo2024-s3b", True)
 
     def rmse(engine_inertia: float) -> float:
@@ -104,7 +104,7 @@ def test_driven_wheels_inertia_counts() -> None:
     ],
 )
 def test_t10_with_sensors(name: str, limit: float) -> None:
-    """The chapter's own limits are 0.28 and 0.22."""
+    """The prototype's limits were 0.28 and 0.22."""
     assert np.abs(grade_error(name, False)).mean() < limit
 
 

@@ -136,7 +136,7 @@ def test_late_and_wrong_speed_is_found() -> None:
 
 
 def test_speed_gaps_cost_little() -> None:
-    """Five seconds without speed in every twenty (section 10.6)."""
+    """Five seconds without speed in every twenty."""
     tables = hill_tables(120.0)
     whole = metrics(tables, *run(tables), "grade").std_deg
     for start in range(10, 110, 20):
@@ -163,7 +163,7 @@ def test_imu_gap_is_left_out_and_flagged() -> None:
 
 
 def test_slip_bursts_lose_their_weight() -> None:
-    """+20 % of wheel speed for 0.5 s every 10 s changes the grade by less than 0.01 deg (A8)."""
+    """+20 % of wheel speed for 0.5 s every 10 s changes the grade by less than 0.01 deg."""
     tables = hill_tables(120.0)
     whole = metrics(tables, *run(tables), "grade").rmse_deg
     wheels = tables[1]
@@ -188,7 +188,7 @@ def test_comma2k19_minute(shared: Path, gnss: bool) -> None:
     assert (grade.within_2sd or 0) > 0.9
     if gnss:
         assert (grade.rmse_deg or 1) < 0.16
-        assert (inclination.std_deg or 1) < 0.10  # section 11, A5
+        assert (inclination.std_deg or 1) < 0.10
     else:
         assert (inclination.std_deg or 1) < 0.09
 

@@ -1,4 +1,4 @@
-"""`fusion` with broken inputs and with drawn sensor errors (fusion chapter, 10.6, A3, A4, A8)."""
+"""`fusion` with broken inputs and with drawn sensor errors."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def test_a_fault_costs_little(
 def test_outliers_lose_their_weight(
     bends: Simulation, whole: dict[str, AngleMetrics], topic: str, fault: Change
 ) -> None:
-    """Less than 0.01 deg of grade (A8)."""
+    """Less than 0.01 deg of grade."""
     _, broken, _ = run(bends, {topic: fault})
     assert broken["grade"].rmse_deg == pytest.approx(whole["grade"].rmse_deg, abs=0.01)
 
@@ -182,7 +182,7 @@ def test_low_friction_is_no_worse() -> None:
 
 
 def test_torques_tell_the_bias(bends: Simulation) -> None:
-    """A4: the grade without a receiver, by the balance of forces."""
+    """The grade without a receiver, by the balance of forces."""
     topics = ("/imu", "/wheel_speeds", "/wheel_torques", "/steering")
     estimate, figures, drive = run(bends, topics=topics)
     assert any("torques" in note for note in estimate.notes)
@@ -266,7 +266,7 @@ def drawn(seed: int) -> dict[str, Change]:
 
 @pytest.mark.parametrize("gnss", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_standard_deviations_hold_over_drawn_errors(gnss: bool) -> None:
-    """A3: coverage of the four angles over draws of the sensors' errors."""
+    """Coverage of the four angles over draws of the sensors' errors."""
     ideal = simulate("luo2024-s3b", ideal=True)
     topics = USED if gnss else USED[:2]
     draws = [run(ideal, drawn(seed), topics)[1] for seed in range(10)]

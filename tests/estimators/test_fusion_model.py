@@ -1,4 +1,4 @@
-"""Jacobians of `fusion` against finite differences (fusion chapter, A10)."""
+"""Jacobians of `fusion` against finite differences; docs/methods/fusion.md#process."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ def test_transition_is_the_jacobian_of_the_process(inputs: tuple[Steps, Noise, F
     np.testing.assert_allclose(F, expected, atol=1e-6 * dt)
 
 
-# derivatives that section 6 leaves out on purpose
+# derivatives that docs/methods/fusion.md#measurement-rows leaves out on purpose
 BODY_PITCH = (model.MTHETA, model.EP, model.KTHETA, model.KSIDE)
 BODY_ROLL = (model.MPHI, model.ER, model.KPHI, model.BA + 1)
 OMITTED = {

@@ -1,4 +1,4 @@
-"""What `fusion` must not assume: a prior on how a road bends explains the springs (A9).
+"""What `fusion` must not assume: a prior on how a road bends explains the springs.
 
 A plain filter and smoother in NumPy over the model's own functions, with one state more: the road's
 angle, which walks at random. `fusion` itself has no such state.

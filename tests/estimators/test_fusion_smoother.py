@@ -1,4 +1,4 @@
-"""The smoother of `fusion` against filterpy and against a dense batch solution (A10)."""
+"""The smoother of `fusion` against filterpy and against a dense batch solution."""
 
 import numpy as np
 import pytest

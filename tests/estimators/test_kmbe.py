@@ -42,7 +42,7 @@ def test_finds_the_grade(hill_drive: Drive) -> None:
 
 
 def test_pitch_gradient_takes_the_body_out() -> None:
-    """With body pitch K f_x in the accelerometer, `paper` reads 1 + g K times the slope (T17)."""
+    """With body pitch K f_x in the accelerometer, `paper` reads 1 + g K times the slope."""
     gain = 0.0045
     tables = hill_tables(120.0, seed=None)
     imu = tables[0]
@@ -61,7 +61,7 @@ def test_pitch_gradient_takes_the_body_out() -> None:
 
 
 def test_speed_gap_of_two_seconds_is_bridged() -> None:
-    """T19: the filter predicts through 2 s, sd grows to 1.5 +- 0.3 %, the error stays below 1 %."""
+    """The filter predicts through 2 s, sd grows to 1.5 +- 0.3 %, the error stays below 1 %."""
     tables = hill_tables(60.0)
     wheels = tables[1]
     seconds = (wheels.time - EPOCH_NS) * 1e-9

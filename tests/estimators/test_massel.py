@@ -1,4 +1,4 @@
-"""Massel 2004: acceptance B0 to B4 and the claims of section 2.7 of the chapter."""
+"""Massel 2004: identities, scaling, engines, and the claims of the paper."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def mean_rmse(column: str, name: str, rate: float, seeds, angle: str = "grade") 
 
 
 def exact_motion(vdot, grade, pitch) -> Longitudinal:
-    """(C1) without noise or smoothing."""
+    """docs/methods/common.md#straight-line-specific-force without noise or smoothing."""
     f_x = vdot * np.cos(pitch) + G * np.sin(grade + pitch)
     f_z = -vdot * np.sin(pitch) + G * np.cos(grade + pitch)
     zero = np.zeros(len(f_x))
@@ -119,13 +119,13 @@ def test_rls_does_not_wind_up_at_constant_speed() -> None:
     ("column", "grade", "pitch"), [("ls", 0.222, 0.207), ("rls", 0.213, 0.204)]
 )
 def test_body_pitching_with_acceleration_biases_regressions(column, grade, pitch) -> None:
-    # erratum 2: p + k g i; without noise it is nearly all of the error
+    # docs/methods/massel2004.md#errata: p + k g i; without noise it is nearly all of the error
     estimate = run(column, "quasi", seed=None)
     assert rmse(errors_deg(estimate, "quasi", 100.0)) == pytest.approx(grade, rel=0.15)
     assert rmse(errors_deg(estimate, "quasi", 100.0, "pitch")) == pytest.approx(pitch, rel=0.15)
 
 
-DOCUMENTED = {  # section 2.7 at 100 Hz, grade / pitch, 20 seeds
+DOCUMENTED = {  # docs/methods/common.md#prototype-figures at 100 Hz, grade / pitch, 20 seeds
     "quasi": {
         "ls": (0.827, 0.818),
         "rls": (0.543, 0.542),

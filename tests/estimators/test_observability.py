@@ -1,4 +1,4 @@
-"""What makes grade observable at all: exact ranks over the rationals (T8).
+"""What makes grade observable: exact ranks; docs/methods/luo2024.md#observability.
 
 The joint model of both layers of tfobe, linearized by hand: v_x, v_y, yaw rate, 4 wheel speeds,
 8 tire forces, grade. Drag is left out: through it v_x leaks, weakly, into everything.
@@ -127,7 +127,7 @@ def test_ranks_of_the_lower_layer(point: tuple[Q, Q, Q], rank: int) -> None:
     ],
 )
 def test_where_grade_is_observable(names: str, straight: bool, corner: bool) -> None:
-    """f_x holds no grade; without v_y the corner hides it (section 3.2)."""
+    """f_x holds no grade; without v_y the corner hides it."""
     for point, expected in ((STRAIGHT, straight), (CORNER, corner)):
         rest = observable(names, point).rest(unit(GRADE))
         assert (not any(rest)) is expected

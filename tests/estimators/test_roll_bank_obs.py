@@ -75,7 +75,7 @@ def without(drive: Drive, role: str, gap: slice) -> Drive:
 
 @pytest.mark.parametrize("name", ["roll_bank_obs", "gnss_ins", "imu_roll", "split_qs"])
 def test_engines_agree(laps: PlanarTruth, name: str) -> None:
-    """T7: 1e-10, at changing speed and with a gap."""
+    """1e-10, at changing speed and with a gap."""
     drive = without(laps.drive, "imu.gyro_x", slice(2000, 2100))
     speed = {f"wheel_speeds.{w}": drive["speed.v"] + 0.02 * drive.time for w in ("fl", "fr")}
     drive = dataclasses.replace(drive, signals={**drive.signals, **speed})
@@ -89,7 +89,7 @@ def test_engines_agree(laps: PlanarTruth, name: str) -> None:
 
 @pytest.mark.parametrize("smooth", [True, False])
 def test_slalom_is_roll_not_bank(slalom: PlanarTruth, smooth: bool) -> None:
-    """T21; with the issue's tighter 0.13 deg."""
+    """Bank, and roll beside the side force, in a slalom; 0.13 deg."""
     estimate = run(slalom, smooth=smooth)
     assert (np.abs(estimate.bank[500:]) < np.radians(1.0)).mean() >= 0.99
     assert correlation(estimate.roll, slalom.drive["imu.accel_y"]) > 0.97
@@ -99,7 +99,7 @@ def test_slalom_is_roll_not_bank(slalom: PlanarTruth, smooth: bool) -> None:
 
 @pytest.mark.parametrize("smooth", [True, False])
 def test_laps_tell_bank_and_roll_apart(laps: PlanarTruth, smooth: bool) -> None:
-    """T22, also where the total roll is small because bank and roll cancel."""
+    """On laps, also where the total roll is small because bank and roll cancel."""
     estimate = run(laps, smooth=smooth)
     assert rmse_deg(estimate.bank, laps.bank) < 0.13
     assert rmse_deg(estimate.roll, laps.roll) < 0.13
@@ -113,7 +113,7 @@ def test_laps_tell_bank_and_roll_apart(laps: PlanarTruth, smooth: bool) -> None:
 
 
 def test_fast_steering_needs_the_observer() -> None:
-    """T23: at 1.2 Hz the steady split is worse than twice the observer."""
+    """At 1.2 Hz the steady split is worse than twice the observer."""
     truth = planar_truth(
         WAGON, 30.0, steer=lambda t: 0.025 * np.sin(2 * np.pi * 1.2 * t), speed=15.0, gnss=True
     )
@@ -140,7 +140,7 @@ def test_wrong_parameters_cost_little(
 
 @pytest.mark.parametrize("speed", [1.6, 2.0, 4.0])
 def test_crawls(speed: float) -> None:
-    """T26: at the true speed, without sideslip."""
+    """At the true speed, without sideslip."""
     truth = planar_truth(
         WAGON,
         40.0,
@@ -162,7 +162,7 @@ def test_below_its_speed_it_gives_the_steady_split() -> None:
 
 
 def test_sideslip_and_total_roll_from_two_antennas(slalom: PlanarTruth) -> None:
-    """T27: and 50 ms of latency cost more than 0.35 deg of sideslip where the car slaloms."""
+    """50 ms of latency cost more than 0.35 deg of sideslip where the car slaloms."""
 
     def beta(drive: Drive) -> np.ndarray:
         estimate = estimators.run("gnss_ins", drive, WAGON, {"smooth": False})
@@ -188,7 +188,7 @@ def test_works_without_two_antennas_and_says_so(make) -> None:
 
 
 def test_without_the_yaw_rates_share_a_tilted_plane_is_not_seen(monkeypatch) -> None:
-    """T28: epsilon = -sin(pitch) r left out of imu_roll; causal, as the chapter's figures."""
+    """epsilon = -sin(pitch) r left out of imu_roll, causal; docs/methods/ryu2004.md."""
     truth = laps_truth(gnss=False)
     assert rmse_deg(run(truth, smooth=False).bank, truth.bank) < 0.3
     level = SimpleNamespace(grade=np.zeros(len(truth.drive)))

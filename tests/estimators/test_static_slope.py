@@ -1,4 +1,4 @@
-"""static_slope (KIM): acceptance B6-B10 of the Massel/Kim/Wang chapter and the awkward stops."""
+"""static_slope: the equations of docs/methods/kim2023.md, and the awkward stops."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from roadlog.storage import Table
 from roadlog.units import STANDARD_GRAVITY as G
 
 RATE = 100.0
-# 3.11: the windows start at the last standing sample (two moving ones are below zero speed)
+# docs/methods/kim2023.md#scenarios
+# The windows start at the last standing sample (two moving ones are below zero speed).
 MONTE_CARLO = {"hold_off": 0.02, "averaging": 3.0}
 DECELERATION, ACCELERATION = 1, 2
 METHODS: dict[str, tuple[str, dict[str, object]]] = {
@@ -40,7 +41,7 @@ def tables(
     seed: int = 1,
     wheel: np.ndarray | None = None,
 ) -> list[Table]:
-    """Straight driving by (C1): speed and its derivative, no body motion.
+    """Straight driving: speed and its derivative, no body motion.
 
     noise: m/s2/sqrt(Hz). wheel: what the wheel sensors say, default the speed.
     """
@@ -116,7 +117,7 @@ def test_accelerometer_bias_cancels_in_the_pitch(
 
 
 def test_bias_would_not_cancel_with_standard_gravity() -> None:
-    """Erratum 4: with 9.80665 in place of the length of the mean specific force."""
+    """With 9.80665 in place of the length of the mean specific force."""
     from roadlog.estimators.kim2023.strapdown import attitude, dead_reckon
 
     v, a = motions()
@@ -223,7 +224,7 @@ def test_engines_agree() -> None:
 
 @pytest.mark.slow
 def test_urban_drives_with_the_imu_far_ahead() -> None:
-    """B11: IMU 1.9 m ahead, 8 drives of 28 events at each of two loads; errors in deg."""
+    """IMU 1.9 m ahead, 8 drives of 28 events at each of two loads; errors in deg."""
     errors: dict[str, list[list[float]]] = {name: [] for name in METHODS}
     for load in (0.3, 1.2):
         found: dict[str, list[float]] = {name: [] for name in METHODS}

@@ -1,4 +1,4 @@
-"""Every straight-driving method on damaged input: acceptance B16 and the issue's fault list."""
+"""Every straight-driving method on damaged input."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ def slope(estimate: Estimate, truth: PlanarTruth) -> float:
 
 @pytest.mark.parametrize("variant", ["corrected", "fx", "text", "printed"])
 def test_engines_agree(corner: PlanarTruth, variant: str) -> None:
-    """T6: grade 1e-12 rad, forces 1e-8 N, with a stop and a gap among the samples."""
+    """Grade 1e-12 rad, forces 1e-8 N, with a stop and a gap among the samples."""
     signals = {role: values[800:1400].copy() for role, values in corner.drive.signals.items()}
     for wheel in ("fl", "fr", "rl", "rr"):
         signals[f"wheel_speeds.{wheel}"][300:330] = 0.5
@@ -65,14 +65,14 @@ def test_finds_the_grade_in_a_corner(corner: PlanarTruth) -> None:
 
 
 def test_beats_the_driving_equation_in_a_corner(corner: PlanarTruth) -> None:
-    """T11: the front tires' drag in a bend is what debe reads as grade."""
+    """The front tires' drag in a bend is what debe reads as grade."""
     tfobe = error_percent(estimators.run("tfobe", corner.drive, WAGON), corner)
     debe = error_percent(estimators.run("debe", corner.drive, WAGON), corner)
     assert np.abs(tfobe).mean() < np.abs(debe).mean() / 3
 
 
 def test_printed_forms_fail_as_proved(corner: PlanarTruth) -> None:
-    """T13 and T15: f_x contains no grade; without v_y the grade drifts away on a helix."""
+    """f_x contains no grade; without v_y the grade drifts away on a helix."""
     printed = estimators.run("tfobe", corner.drive, WAGON, {"variant": "printed"})
     assert abs(slope(printed, corner)) < 0.1
     helix = planar_truth(WAGON, 40.0, lambda _t: 0.05, lambda t: 0.12 * min(1.0, t / 5), speed=8.0)
@@ -82,7 +82,7 @@ def test_printed_forms_fail_as_proved(corner: PlanarTruth) -> None:
 
 
 def test_text_form_misses_rolling_resistance_and_drag() -> None:
-    """T16: on a straight its bias is f_rr and 12/13 of the drag, within 0.2 %."""
+    """On a straight its bias is f_rr and 12/13 of the drag, within 0.2 %."""
     truth = planar_truth(WAGON, 60.0, hills, speed=9.7)
     text = estimators.run("tfobe", truth.drive, WAGON, {"variant": "text"})
     drag = 0.5 * WAGON.air_density * WAGON.drag_area - WAGON.drag_area / 21.15
@@ -91,7 +91,7 @@ def test_text_form_misses_rolling_resistance_and_drag() -> None:
 
 
 def test_finds_the_tire_forces(corner: PlanarTruth) -> None:
-    """T20: sum of longitudinal forces within 80 N, axles within 60 N, and what sd promises."""
+    """Sum of longitudinal forces within 80 N, axles within 60 N, and what sd promises."""
     columns = estimators.run("tfobe", corner.drive, WAGON).details["tires"].columns
     total = sum(columns[f"fx_{w}"] for w in ("fl", "fr", "rl", "rr"))
     assert np.sqrt(np.mean((total - corner.longitudinal)[500:] ** 2)) < 80.0
@@ -116,7 +116,7 @@ def test_finds_the_sideslip(corner: PlanarTruth) -> None:
 def test_hardly_feels_tire_and_roll_parameters(
     corner: PlanarTruth, change: dict[str, float]
 ) -> None:
-    """Section 2: C_r -15 % costs nothing in grade, K_phi = 0 -0.02 %; here a tight bend."""
+    """C_r -15 % costs nothing in grade, K_phi = 0 -0.02 %; here a tight bend."""
     right = estimators.run("tfobe", corner.drive, WAGON)
     wrong = estimators.run("tfobe", corner.drive, WAGON.with_values(**change))
     assert (

@@ -1,4 +1,4 @@
-"""Wang 2025: acceptance B12 to B15 and the claims of section 4.6 of the chapter."""
+"""Wang 2025: filter, smoother, fuel level, and the claims of the paper."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_wrong_mount_costs_accuracy(name: str) -> None:
 
 @BOTH
 def test_grade_without_process_noise_freezes(name: str) -> None:
-    # the paper's printed W leaves the grade without noise (erratum 5)
+    # the paper's printed W leaves the grade without noise: docs/methods/wang2025.md#errata
     assert rms(errors(name, "ekf_suspension", CAUSAL | {"grade_noise": 0.0})) > 2.0
 
 

@@ -19,7 +19,7 @@ def van_loan(F: np.ndarray, G: np.ndarray, Qc: np.ndarray) -> tuple[np.ndarray, 
 
 @pytest.mark.parametrize("speed", [0.5, 1.0, 3.0, 10.0, 30.0])
 def test_equals_van_loan(speed: float) -> None:
-    """T7: 1e-7 relative; each element against its own rows' scale."""
+    """1e-7 relative; each element against its own rows' scale."""
     exact = van_loan(*system(speed, CAR))
     ours = zero_order_hold(*system(speed, CAR), DT)
     for got, want in zip(ours, exact, strict=True):
@@ -31,7 +31,7 @@ def test_equals_van_loan(speed: float) -> None:
 
 
 def test_euler_is_unstable_at_walking_pace_and_exact_is_not() -> None:
-    """T26: the spectral radius of Euler's rule at 1 m/s is above 1."""
+    """The spectral radius of Euler's rule at 1 m/s is above 1."""
     F, G, Qc = system(1.0, CAR)
 
     def radius(Phi: np.ndarray) -> float:

@@ -81,7 +81,7 @@ def test_solve_spd_survives_mixed_units() -> None:
 def test_slope_is_the_derivative_averaged_by_the_parabola(
     rate: float, limit: float, frequency: float
 ) -> None:
-    """B0 of the Massel/Kim/Wang chapter: the kernels match from 0.1 to 2 Hz."""
+    """The kernels match from 0.1 to 2 Hz; docs/methods/common.md#matched-kernel."""
     dt = 1 / rate
     n = odd_window(0.3, dt)
     t = np.arange(0, 20, dt)

@@ -1,4 +1,4 @@
-"""Strapdown integration: acceptance B5, B6 and an independent attitude."""
+"""Strapdown integration: turns, both directions of time, and an independent attitude."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The full car against physics that shares no code with it (Ryu/Luo chapter, 5 and T1 to T5)."""
+"""The full car against physics that shares no code with it; docs/simulator.md."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def test_vertical_forces_carry_the_car() -> None:
 
 
 def test_specific_force_identities() -> None:
-    """Section 1.2: f = v' + w x v - gravity in body axes, checked by differences of v."""
+    """f = v' + w x v - gravity in body axes, checked by differences of v."""
     motion = drive_full(smooth("luo2024-s3"), seed=1)
     body = np.einsum("nij,ni->nj", motion.attitude, motion.velocity)
     v_dot = np.gradient(body, motion.dt, axis=0)

@@ -55,7 +55,7 @@ def test_scenario_gives_finite_signals_and_consistent_truth(name: str, full: boo
     for angle in ANGLES:
         assert np.isfinite(truth[angle]).all()
         assert np.abs(truth[angle]).max() < np.radians(20)
-    # grade + pitch = inclination to third order (section 1.1)
+    # grade + pitch = inclination to third order
     np.testing.assert_allclose(truth["grade"] + truth["pitch"], truth["inclination"], atol=1e-3)
     np.testing.assert_allclose(truth["bank"] + truth["roll"], truth["roll_total"], atol=1e-3)
     imu = simulation.table("/imu").columns
@@ -73,7 +73,7 @@ def test_long_scenario_gives_finite_signals(name: str, full: bool) -> None:
 
 
 def test_driver_holds_speed_and_lane() -> None:
-    """Section 5.5 of the chapter: speed within 0.17 m/s, path within 0.31 m."""
+    """docs/simulator.md#driver: speed within 0.17 m/s, path within 0.31 m."""
     for name in ("luo2024-s3", "ryu2004-laps"):
         motion = simulate(name).motion
         assert np.abs(motion.details["motion"][1]["offset"]).max() < 0.4

@@ -1,4 +1,4 @@
-"""Massel's two manoeuvres, from (S1) and (C1) alone (chapter, sections 1.8 and 2.6)."""
+"""Massel's two manoeuvres, from docs/simulator.md#straight-truth alone."""
 
 from __future__ import annotations
 

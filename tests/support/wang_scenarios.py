@@ -1,4 +1,4 @@
-"""Wang's two drives with the noise of the chapter, section 4.5."""
+"""Wang's two drives with the noise of docs/methods/wang2025.md#scenarios."""
 
 from __future__ import annotations
 
