@@ -14,10 +14,11 @@ from roadlog import estimators
 from roadlog.calibrate import calibrate
 from roadlog.calibrate.finding import Finding, combined, jackknife, unknown
 from roadlog.calibrate.mounting import band_passed, filled, vector_of
+from roadlog.car.suspension import ROLL_MODE
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
-from roadlog.estimators.fusion.inputs import ROLL_MODE, second_order
+from roadlog.filters.lowpass import second_order
 from roadlog.ingest import ingest
 from roadlog.ingest.profile import Profile
 from roadlog.log import DriveLog, create

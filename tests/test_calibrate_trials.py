@@ -8,9 +8,10 @@ from support.turned_imu import IMU_DELAY, away, turned
 from roadlog.calibrate import calibrate
 from roadlog.calibrate.finding import Finding
 from roadlog.calibrate.mounting import band_passed, filled
+from roadlog.car.suspension import PITCH_MODE, ROLL_MODE
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.estimators.fusion.inputs import PITCH_MODE, ROLL_MODE, second_order
+from roadlog.filters.lowpass import second_order
 from roadlog.simulate import Simulation, simulate
 from roadlog.units import STANDARD_GRAVITY as G
 

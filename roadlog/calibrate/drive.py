@@ -14,11 +14,11 @@ from roadlog.calibrate import gains, mass, mounting, speeds, tires
 from roadlog.calibrate.finding import Finding, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.correction import corrected
+from roadlog.car.suspension import DASHBOARD_HEIGHT
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, nan_mean
 from roadlog.errors import EstimatorError
 from roadlog.estimate import Estimate
-from roadlog.estimators.fusion.inputs import DASHBOARD_HEIGHT
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 

@@ -11,11 +11,12 @@ import numpy as np
 
 from roadlog.calibrate.finding import Finding, jackknife, unknown
 from roadlog.calibrate.mounting import band_passed, filled
+from roadlog.car.suspension import PITCH_MODE, ROLL_MODE
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
-from roadlog.estimators.fusion.inputs import PITCH_MODE, ROLL_MODE, second_order
 from roadlog.filters.kernels import odd_window, slope
+from roadlog.filters.lowpass import second_order
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 

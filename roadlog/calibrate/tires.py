@@ -11,9 +11,10 @@ import numpy as np
 
 from roadlog.calibrate.finding import Finding, unknown
 from roadlog.calibrate.mounting import filled
+from roadlog.car.suspension import TIRE_MODE
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.estimators.fusion.inputs import TIRE_MODE, second_order
+from roadlog.filters.lowpass import second_order
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 

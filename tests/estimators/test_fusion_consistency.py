@@ -8,7 +8,7 @@ import pytest
 from roadlog import estimators
 from roadlog.drive import Drive
 from roadlog.estimators.fusion.innovations import correlated, scales
-from roadlog.estimators.fusion.model import ROWS, SLIP
+from roadlog.estimators.fusion.states import ROWS, Row
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import simulate
 
@@ -30,8 +30,8 @@ def test_slow_innovations_count_as_few() -> None:
         slow[k] = a * slow[k - 1] + np.sqrt(1 - a**2) * rng.standard_normal()
     assert correlated(slow, 1000) == pytest.approx((1 + a) / (1 - a), rel=0.15)
     innovations = np.full((n, ROWS), np.nan)
-    innovations[:, SLIP] = 2 * slow
-    assert scales(innovations, STEP)[SLIP] == pytest.approx(2 * np.sqrt(19), rel=0.1)
+    innovations[:, Row.SLIP] = 2 * slow
+    assert scales(innovations, STEP)[Row.SLIP] == pytest.approx(2 * np.sqrt(19), rel=0.1)
 
 
 def test_a_crooked_imu_is_turned() -> None:

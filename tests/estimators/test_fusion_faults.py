@@ -15,10 +15,10 @@ from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators.fusion.estimator import FUSION
 from roadlog.estimators.fusion.gnss import revisits
-from roadlog.estimators.fusion.inputs import build, grid
-from roadlog.estimators.fusion.model import CLOSURE
-from roadlog.estimators.fusion.priors import FusionParameters
+from roadlog.estimators.fusion.inputs import build
+from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.speed import gnss_delay, speed_source
+from roadlog.estimators.fusion.steps import Fix, grid
 from roadlog.estimators.fusion.torque import torque_bias
 from roadlog.log import AngleTrack
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
@@ -191,7 +191,7 @@ def test_torques_tell_the_bias(bends: Simulation) -> None:
     assert (figures["grade"].rmse_deg or 1) < (without["grade"].rmse_deg or 0)
     assert (figures["grade"].within_2sd or 0) > 0.95
     source = speed_source(drive, bends.vehicle)
-    steps = build(drive, bends.vehicle, source, 0.15, 0.3)
+    steps = build(drive, bends.vehicle, source, FusionParameters())
     assert torque_bias(drive, Vehicle(), steps) is None  # the mass is not known
 
 
@@ -220,9 +220,10 @@ def test_a_place_seen_again_is_found() -> None:
     laps = simulate("ryu2004-laps")
     _, figures, drive = run(laps)
     time = grid(drive)
-    fixes, sd = np.full((len(time), CLOSURE + 1), np.nan), np.ones((len(time), CLOSURE + 1))
+    shape = len(time), len(Fix)
+    fixes, sd = np.full(shape, np.nan), np.ones(shape)
     clone = revisits(drive, time, np.ones(len(time), np.bool_), fixes, sd)
-    seen = np.flatnonzero(np.isfinite(fixes[:, CLOSURE]))
+    seen = np.flatnonzero(np.isfinite(fixes[:, Fix.CLOSURE]))
     kept = np.flatnonzero(clone)
     assert len(seen) == len(kept) >= 1
     assert laps.motion.position is not None

@@ -6,10 +6,14 @@ import pytest
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimators.fusion import model
-from roadlog.estimators.fusion.inputs import build, with_fixes
-from roadlog.estimators.fusion.model import N, Noise, Steps
-from roadlog.estimators.fusion.priors import FusionParameters, mounting_prior, noise_of, priors
-from roadlog.estimators.fusion.speed import speed_source
+from roadlog.estimators.fusion.inputs import Inputs
+from roadlog.estimators.fusion.mounting import mounting_prior
+from roadlog.estimators.fusion.noise import Noise, noise_of
+from roadlog.estimators.fusion.parameters import FusionParameters
+from roadlog.estimators.fusion.priors import priors
+from roadlog.estimators.fusion.rows import row
+from roadlog.estimators.fusion.states import FIRST_FIX, ROWS, N, Row, State
+from roadlog.estimators.fusion.steps import Steps
 from roadlog.types import Floats
 
 K = 500  # a step at which every row of the road is used
@@ -20,11 +24,9 @@ STEP = 1e-6
 def inputs(hill_drive: Drive) -> tuple[Steps, Noise, Floats]:
     """Steps with every row at K, the noise, and a state far from zero in every component."""
     vehicle, params = Vehicle(), FusionParameters()
-    source = speed_source(hill_drive, vehicle)
-    steps = build(hill_drive, vehicle, source, params.speed_sd, params.creep_speed_sd)
-    steps = with_fixes(steps, hill_drive, source, 0.0)
-    mean, P0 = priors(vehicle, params, source, mounting_prior(vehicle, params))
-    noise = noise_of(steps, vehicle, params, hill_drive)
+    inputs = Inputs.of(hill_drive, vehicle, params, mounting_prior(vehicle, params))
+    steps, noise = inputs.with_fixes(0.0), noise_of(inputs)
+    mean, P0 = priors(inputs)
     steps.fixes[K] = 3.0, -8.0, 0.4, 2.0, 1.0, 0.1, 1.5, 0.0
     steps.speed[K] = 9.0
     steps.rate_at[K] = 0.1, -0.2, 0.3
@@ -32,8 +34,8 @@ def inputs(hill_drive: Drive) -> tuple[Steps, Noise, Floats]:
     steps.antenna[:] = 0.3, -0.5, 1.1
     rng = np.random.default_rng(3)
     x = mean + np.sqrt(np.diag(P0)) * rng.standard_normal(N)
-    x[[model.U, model.V, model.W]] = 9.0, 0.4, -0.3
-    x[[model.PHI, model.THETA, model.PSI]] = 0.12, -0.08, 0.7
+    x[[State.U, State.V, State.W]] = 9.0, 0.4, -0.3
+    x[[State.PHI, State.THETA, State.PSI]] = 0.12, -0.08, 0.7
     return steps, noise, x
 
 
@@ -51,47 +53,54 @@ def test_transition_is_the_jacobian_of_the_process(inputs: tuple[Steps, Noise, F
     A = np.stack([(rate(x + e) - rate(x - e)) / (2 * STEP) for e in STEP * np.eye(N)], axis=1)
     expected = np.eye(N) + dt * A
     for state, time in (
-        (model.EP, noise.body_time),
-        (model.ER, noise.body_time),
-        (model.HO, noise.altimeter_time),
-        (model.HB, noise.barometer_time),
+        (State.BODY_PITCH, noise.body_time),
+        (State.BODY_ROLL, noise.body_time),
+        (State.RECEIVER_ERROR, noise.altimeter_time),
+        (State.BAROMETER_ERROR, noise.barometer_time),
     ):
         expected[state, state] = np.exp(-dt / time)
     np.testing.assert_allclose(F, expected, atol=1e-6 * dt)
 
 
 # derivatives that docs/methods/fusion.md#measurement-rows leaves out on purpose
-BODY_PITCH = (model.MTHETA, model.EP, model.KTHETA, model.KSIDE)
-BODY_ROLL = (model.MPHI, model.ER, model.KPHI, model.BA + 1)
+BODY_PITCH = (
+    State.MOUNTING_PITCH,
+    State.BODY_PITCH,
+    State.PITCH_GRADIENT,
+    State.PITCH_GRADIENT_SIDE,
+)
+BODY_ROLL = (State.MOUNTING_ROLL, State.BODY_ROLL, State.ROLL_GRADIENT, State.ACCEL_BIAS_Y)
 OMITTED = {
-    model.SPEED: (*BODY_PITCH, model.MPSI, model.V, model.W),
-    model.SLIP: BODY_ROLL,
-    model.CONTACT: BODY_ROLL,
+    Row.SPEED: (*BODY_PITCH, State.MOUNTING_YAW, State.V, State.W),
+    Row.SLIP: BODY_ROLL,
+    Row.CONTACT: BODY_ROLL,
 }
 
 
-@pytest.mark.parametrize("kind", range(model.ROWS))
+@pytest.mark.parametrize("kind", range(ROWS))
 def test_rows_are_the_jacobians_of_their_residuals(
     inputs: tuple[Steps, Noise, Floats], kind: int
 ) -> None:
     steps, noise, x = inputs
-    steps.still[K] = model.STILL_VELOCITY <= kind < model.FIX
+    steps.still[K] = Row.STILL_U <= kind < FIRST_FIX
     h, unused = np.empty(N), np.empty(N)
-    residual, sd, _ = model.row(kind, K, x, steps, noise, h)
+    residual, sd, _ = row(kind, K, x, steps, noise, h)
     assert np.isfinite(residual)
     assert sd > 0
     expected = np.array(
         [
-            model.row(kind, K, x - e, steps, noise, unused)[0]
-            - model.row(kind, K, x + e, steps, noise, unused)[0]
+            row(kind, K, x - e, steps, noise, unused)[0]
+            - row(kind, K, x + e, steps, noise, unused)[0]
             for e in STEP * np.eye(N)
         ]
     ) / (2 * STEP)
     omitted = list(OMITTED.get(kind, ()))
     assert np.all(h[omitted] == 0)
     expected[omitted] = 0
-    if kind == model.SPEED:  # omitted as well: the body pitch's small share of the bias
-        expected[model.BA] -= (1 + x[model.KAPPA]) * x[model.KTHETA] * x[model.W]
+    if kind == Row.SPEED:  # omitted as well: the body pitch's small share of the bias
+        expected[State.ACCEL_BIAS_X] -= (
+            (1 + x[State.SPEED_SCALE]) * x[State.PITCH_GRADIENT] * x[State.W]
+        )
     np.testing.assert_allclose(h, expected, atol=1e-6)
 
 
@@ -99,5 +108,5 @@ def test_a_row_without_a_sample_is_no_row(inputs: tuple[Steps, Noise, Floats]) -
     steps, noise, x = inputs
     h = np.empty(N)
     steps.speed[K] = np.nan
-    assert np.isnan(model.row(model.SPEED, K, x, steps, noise, h)[0])
-    assert np.isnan(model.row(model.SLIP, K + 1, x, steps, noise, h)[0])  # every 0.1 s only
+    assert np.isnan(row(Row.SPEED, K, x, steps, noise, h)[0])
+    assert np.isnan(row(Row.SLIP, K + 1, x, steps, noise, h)[0])  # every 0.1 s only

@@ -9,33 +9,17 @@ import pytest
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.estimators.fusion.inputs import build, grid, with_fixes
-from roadlog.estimators.fusion.model import (
-    BA,
-    EP,
-    ER,
-    FORWARD,
-    KPHI,
-    KSIDE,
-    KTHETA,
-    LATERAL,
-    MPHI,
-    MTHETA,
-    PHI,
-    ROWS,
-    THETA,
-    UNSIGNED,
-    N,
-    body_pitch,
-    body_roll,
-    process_noise,
-    propagate,
-    row,
-    transition,
-)
-from roadlog.estimators.fusion.priors import FusionParameters, mounting_prior, noise_of, priors
+from roadlog.estimators.fusion.body import body_pitch, body_roll
+from roadlog.estimators.fusion.inputs import Inputs
+from roadlog.estimators.fusion.model import process_noise, propagate, transition
+from roadlog.estimators.fusion.mounting import mounting_prior
+from roadlog.estimators.fusion.noise import noise_of
+from roadlog.estimators.fusion.parameters import FusionParameters
+from roadlog.estimators.fusion.priors import priors
 from roadlog.estimators.fusion.recursion import soft_variance
-from roadlog.estimators.fusion.speed import speed_source
+from roadlog.estimators.fusion.rows import row
+from roadlog.estimators.fusion.states import ROWS, N, State
+from roadlog.estimators.fusion.steps import Sway, grid
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import Simulation, simulate
 from roadlog.types import Floats
@@ -49,12 +33,19 @@ def road(angle: str, x: Floats, s: Floats) -> tuple[float, Floats]:
     """The road's angle by the states of `fusion`, and its derivatives."""
     h = np.zeros(N + 1)
     if angle == "grade":
-        h[[THETA, MTHETA, EP, KSIDE]] = 1.0, -1.0, -1.0, -s[UNSIGNED]
-        h[KTHETA] = -(s[FORWARD] - x[BA] - G * x[MTHETA])
-        return x[THETA] - body_pitch(x, s), h
-    h[[PHI, MPHI, ER]] = 1.0, -1.0, -1.0
-    h[KPHI] = -(s[LATERAL] - x[BA + 1] - G * x[MPHI])
-    return x[PHI] - body_roll(x, s), h
+        h[[State.THETA, State.MOUNTING_PITCH, State.BODY_PITCH, State.PITCH_GRADIENT_SIDE]] = (
+            1.0,
+            -1.0,
+            -1.0,
+            -s[Sway.FORWARD_MAGNITUDE],
+        )
+        h[State.PITCH_GRADIENT] = -(
+            s[Sway.FORWARD] - x[State.ACCEL_BIAS_X] - G * x[State.MOUNTING_PITCH]
+        )
+        return x[State.THETA] - x[State.MOUNTING_PITCH] - body_pitch(x, s), h
+    h[[State.PHI, State.MOUNTING_ROLL, State.BODY_ROLL]] = 1.0, -1.0, -1.0
+    h[State.ROLL_GRADIENT] = -(s[Sway.LATERAL] - x[State.ACCEL_BIAS_Y] - G * x[State.MOUNTING_ROLL])
+    return x[State.PHI] - x[State.MOUNTING_ROLL] - body_roll(x, s), h
 
 
 def walked(
@@ -63,11 +54,9 @@ def walked(
     """Std of the angle's error, deg, and all states, where it walks by `walk` rad/sqrt(s)."""
     tables = [t for t in simulation.tables if t.topic in ("/imu", "/wheel_speeds")]
     drive, params = Drive.from_tables(tables), FusionParameters()
-    source = speed_source(drive, vehicle)
-    steps = build(drive, vehicle, source, params.speed_sd, params.creep_speed_sd)
-    steps = with_fixes(steps, drive, source, 0.0)
-    mean, P0 = priors(vehicle, params, source, mounting_prior(vehicle, params))
-    noise = noise_of(steps, vehicle, params, drive)
+    inputs = Inputs.of(drive, vehicle, params, mounting_prior(vehicle, params))
+    steps, noise = inputs.with_fixes(0.0), noise_of(inputs)
+    mean, P0 = priors(inputs)
     x, P = np.append(steps.starts[0] + mean, 0.0), np.zeros((N + 1, N + 1))
     P[:N, :N], P[N, N] = P0, np.radians(10.0) ** 2
     F, q, h = np.eye(N + 1), np.zeros(N), np.zeros(N)
@@ -119,7 +108,10 @@ def updated(
 
 @pytest.mark.parametrize(
     ("name", "angle", "walk_deg", "gain"),
-    [("luo2024-s2", "grade", 0.25, KTHETA), ("luo2024-s3b", "bank", 0.5, KPHI)],
+    [
+        ("luo2024-s2", "grade", 0.25, State.PITCH_GRADIENT),
+        ("luo2024-s3b", "bank", 0.5, State.ROLL_GRADIENT),
+    ],
 )
 def test_a_road_that_walks_at_random_explains_the_springs(
     name: str, angle: str, walk_deg: float, gain: int

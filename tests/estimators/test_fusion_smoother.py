@@ -6,12 +6,15 @@ import pytest
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimators.fusion.bryson_frazier import PIECE
-from roadlog.estimators.fusion.inputs import build, with_fixes
-from roadlog.estimators.fusion.model import BA, BAROMETER, CLOSURE, ROWS, N, Noise, Steps
-from roadlog.estimators.fusion.priors import FusionParameters, mounting_prior, noise_of, priors
+from roadlog.estimators.fusion.inputs import Inputs
+from roadlog.estimators.fusion.mounting import mounting_prior
+from roadlog.estimators.fusion.noise import Noise, noise_of
+from roadlog.estimators.fusion.parameters import FusionParameters
+from roadlog.estimators.fusion.priors import priors
 from roadlog.estimators.fusion.recursion import prediction, residual_row
 from roadlog.estimators.fusion.smoother import smooth
-from roadlog.estimators.fusion.speed import speed_source
+from roadlog.estimators.fusion.states import ROWS, N, State
+from roadlog.estimators.fusion.steps import Fix, Steps
 from roadlog.types import Floats
 
 LENGTH = 2 * PIECE + 44  # steps; no multiple of the checkpoints
@@ -21,11 +24,9 @@ LENGTH = 2 * PIECE + 44  # steps; no multiple of the checkpoints
 def problem(hill_drive: Drive) -> tuple[Steps, Noise, Floats]:
     """Six seconds with climb and two altitudes now and then, and a place seen again."""
     vehicle, params = Vehicle(), FusionParameters()
-    source = speed_source(hill_drive, vehicle)
-    steps = build(hill_drive, vehicle, source, params.speed_sd, params.creep_speed_sd)
-    steps = with_fixes(steps, hill_drive, source, 0.0)
-    mean, P0 = priors(vehicle, params, source, mounting_prior(vehicle, params))
-    noise = noise_of(steps, vehicle, params, hill_drive)
+    inputs = Inputs.of(hill_drive, vehicle, params, mounting_prior(vehicle, params))
+    steps, noise = inputs.with_fixes(0.0), noise_of(inputs)
+    mean, P0 = priors(inputs)
     steps.starts[:] += mean
     cut = {
         name: values[:LENGTH].copy()
@@ -35,8 +36,8 @@ def problem(hill_drive: Drive) -> tuple[Steps, Noise, Floats]:
     steps = steps._replace(**cut)
     steps.fixes[::20, 2] = 0.3
     steps.fixes[10::50, 3] = 1.0
-    steps.fixes[15::50, BAROMETER] = 0.9
-    steps.clone[60], steps.fixes[110, CLOSURE] = True, 0.0
+    steps.fixes[15::50, Fix.BAROMETER] = 0.9
+    steps.clone[60], steps.fixes[110, Fix.CLOSURE] = True, 0.0
     return steps, noise, P0
 
 
@@ -60,7 +61,7 @@ def test_engines_agree(
     at = smooth(steps, noise, P0).x[:known]
     compiled = smooth(steps, noise, P0, at, "compiled", look_ahead)
     reference = smooth(steps, noise, P0, at, "reference", look_ahead)
-    for name in ("x", "variance", "shape_variance", "x_end", "P_end"):
+    for name in ("x", "variance", "shape_variance", "x_end", "P_end", "innovations"):
         np.testing.assert_allclose(
             getattr(compiled, name), getattr(reference, name), atol=1e-7, err_msg=name
         )
@@ -123,6 +124,11 @@ def test_constants_learn_across_a_gap(problem: tuple[Steps, Noise, Floats]) -> N
     first = gap._replace(alive=gap.alive & (np.arange(LENGTH) < 120))
     joint, alone = smooth(gap, noise, P0), smooth(first, noise, P0)
     assert np.isnan(joint.x[120:170]).all()
-    assert joint.P_end[BA, BA] < alone.P_end[BA, BA]
-    np.testing.assert_allclose(joint.x[50, BA], joint.x_end[BA], atol=1e-3)
+    assert (
+        joint.P_end[State.ACCEL_BIAS_X, State.ACCEL_BIAS_X]
+        < alone.P_end[State.ACCEL_BIAS_X, State.ACCEL_BIAS_X]
+    )
+    np.testing.assert_allclose(
+        joint.x[50, State.ACCEL_BIAS_X], joint.x_end[State.ACCEL_BIAS_X], atol=1e-3
+    )
     assert joint.variance[60, 0] < alone.variance[60, 0]

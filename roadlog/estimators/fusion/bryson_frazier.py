@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from roadlog.estimators.fusion.model import COUPLED, DECAYING, MOVING, ROWS, N, Noise, Steps
+from roadlog.estimators.fusion.noise import Noise
 from roadlog.estimators.fusion.outputs import variances
 from roadlog.estimators.fusion.recursion import (
     OWN_STATES,
@@ -24,6 +24,8 @@ from roadlog.estimators.fusion.recursion import (
     restart,
     soft_variance,
 )
+from roadlog.estimators.fusion.states import COUPLED, DECAYING, MOVING, ROWS, N
+from roadlog.estimators.fusion.steps import Steps
 from roadlog.types import Floats
 
 PIECE = 128  # steps between two checkpoints; covariances of one piece (0.7 MB) stay in the cache
@@ -177,6 +179,14 @@ def _empty_piece() -> Piece:
 
 
 @njit(cache=True)
+def _put_innovations(piece: Piece, innovations: Floats) -> None:
+    """Residuals over their sd as predicted, into (m, ROWS) for the first m steps of the piece."""
+    for m in range(len(innovations)):
+        for c in range(piece.used[m]):
+            innovations[m, piece.kind[m, c]] = piece.residual[m, c] / np.sqrt(piece.spread[m, c])
+
+
+@njit(cache=True)
 def filtered(steps: Steps, noise: Noise, P0: Floats) -> tuple[Floats, Floats]:
     """Forward only: states (n, 29) after the rows of each step, and innovations (n, ROWS).
 
@@ -190,21 +200,17 @@ def filtered(steps: Steps, noise: Noise, P0: Floats) -> tuple[Floats, Floats]:
         last = min(n, first + PIECE)
         x = _forward(first, last, x, P, steps, noise, P0, OWN_STATES, piece)
         for k in range(first, last):
-            m = k - first
             if steps.alive[k]:
-                xs[k] = piece.x[m]
-            for c in range(piece.used[m]):
-                innovations[k, piece.kind[m, c]] = piece.residual[m, c] / np.sqrt(
-                    piece.spread[m, c]
-                )
+                xs[k] = piece.x[k - first]
+        _put_innovations(piece, innovations[first:last])
     return xs, innovations
 
 
 @njit(cache=True)
 def bryson_frazier(
     steps: Steps, noise: Noise, P0: Floats, at: Floats, look_ahead: bool
-) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Forward over all steps, then back piece by piece with the adjoint (l, L) (Bierman 1973).
+) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+    """The fields of `Smoothed`: forward, then back piece by piece with the adjoint (l, L).
 
     Smoothed x = x+ - P+ l and P = P+ - P+ L P+, with l = L = 0 after the last step.
     """
@@ -212,11 +218,14 @@ def bryson_frazier(
     pieces = (n + PIECE - 1) // PIECE
     piece = _empty_piece()
     x_at, P_at = np.empty((pieces, N)), np.empty((pieces, N, N))
+    innovations = np.full((n, ROWS), np.nan)
     x, P = steps.starts[0].copy(), P0.copy()
     for c in range(pieces):
         x_at[c] = x
         P_at[c] = P
-        x = _forward(c * PIECE, min(n, (c + 1) * PIECE), x, P, steps, noise, P0, at, piece)
+        first, last = c * PIECE, min(n, (c + 1) * PIECE)
+        x = _forward(first, last, x, P, steps, noise, P0, at, piece)
+        _put_innovations(piece, innovations[first:last])
     x_end, P_end = x.copy(), P.copy()
     xs = np.full((n, N), np.nan)
     variance, shape_variance = np.full((n, 6), np.nan), np.full((n, 2), np.nan)
@@ -254,7 +263,7 @@ def bryson_frazier(
             else:
                 adjoint = _times_transposed(piece.F[m], adjoint)
                 _pull_back(L, piece.F[m], scratch)
-    return xs, variance, shape_variance, x_end, P_end
+    return xs, variance, shape_variance, x_end, P_end, innovations
 
 
 @njit(cache=True)

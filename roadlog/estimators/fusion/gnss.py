@@ -12,18 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.drive import Drive, Samples
-from roadlog.estimators.fusion.model import (
-    ALTITUDE,
-    BAROMETER,
-    CLOSURE,
-    EAST,
-    HEADING,
-    NORTH,
-    RATE,
-    ROLL,
-    UP,
-)
 from roadlog.estimators.fusion.speed import SpeedSource, known_samples
+from roadlog.estimators.fusion.steps import RATE, Fix
 from roadlog.types import Bools, Floats
 
 if TYPE_CHECKING:
@@ -52,7 +42,7 @@ def fixes_of(
     delay: s, of the receiver behind the IMU.
     """
     n = len(time)
-    fixes, sd = np.full((n, CLOSURE + 1), np.nan), np.ones((n, CLOSURE + 1))
+    fixes, sd = np.full((n, len(Fix)), np.nan), np.ones((n, len(Fix)))
     gnss = drive.native.get("gnss", Samples(np.empty(0), {}))
     unknown = np.full(len(gnss.time), np.nan)
 
@@ -72,18 +62,20 @@ def fixes_of(
     across = np.nan_to_num(speed) * np.nan_to_num(column("course_accuracy"))
     horizontal = np.hypot(accuracy("speed", VELOCITY_SD), ACCURACY_FACTOR * across)
     entries = {
-        EAST: (np.where(moving, speed * np.cos(course), np.nan), horizontal),
-        NORTH: (np.where(moving, speed * np.sin(course), np.nan), horizontal),
-        UP: (column("climb"), accuracy("climb", CLIMB_SD)),
-        HEADING: (column("heading"), accuracy("heading", HEADING_SD)),
-        ROLL: (column("roll"), accuracy("roll", ROLL_SD)),
+        Fix.EAST: (np.where(moving, speed * np.cos(course), np.nan), horizontal),
+        Fix.NORTH: (np.where(moving, speed * np.sin(course), np.nan), horizontal),
+        Fix.UP: (column("climb"), accuracy("climb", CLIMB_SD)),
+        Fix.HEADING: (column("heading"), accuracy("heading", HEADING_SD)),
+        Fix.ROLL: (column("roll"), accuracy("roll", ROLL_SD)),
     }
     for index, (values, spread) in entries.items():
         _place(fixes, sd, index, at, values, spread)
-    altimeters = [(ALTITUDE, at, column("altitude"), ALTITUDE_SD)]
+    altimeters = [(Fix.ALTITUDE, at, column("altitude"), ALTITUDE_SD)]
     if "barometer" in drive.native:
         barometer = drive.native["barometer"]
-        altimeters.append((BAROMETER, barometer.time, barometer.columns["altitude"], BAROMETER_SD))
+        altimeters.append(
+            (Fix.BAROMETER, barometer.time, barometer.columns["altitude"], BAROMETER_SD)
+        )
     for index, times, values, noise in altimeters:
         own, altitude = known_samples(times, values)
         if len(own):
@@ -139,7 +131,7 @@ def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: 
         )
         if is_again.any():
             clone[first[is_again][0] + 1] = True
-            fixes[k, CLOSURE], fixes_sd[k, CLOSURE] = 0.0, CLOSURE_SD
+            fixes[k, Fix.CLOSURE], fixes_sd[k, Fix.CLOSURE] = 0.0, CLOSURE_SD
             kept = j
     return clone
 

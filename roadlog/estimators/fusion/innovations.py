@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from roadlog.estimators.fusion.model import ALTITUDE, BAROMETER, FIX, ROWS, SLIP
+from roadlog.estimators.fusion.states import ROWS, Row
 from roadlog.types import Floats
 
 # Rows whose error is slow: a car that slips otherwise than its tires say, altitudes that wander. A
 # slow misfit of speed or contact with the road would cost the fast motion that they tell; a
 # receiver's velocity and angles have twice their sd beforehand, and disagree for a constant.
-ADAPTED = (SLIP, FIX + ALTITUDE, FIX + BAROMETER)
+ADAPTED = (Row.SLIP, Row.ALTITUDE, Row.BAROMETER)
 MIN_SAMPLES = 50
 UNCORRELATED = 0.05  # autocorrelation, below which the sum ends
 LONGEST = 20.0  # s, of correlation that is looked for

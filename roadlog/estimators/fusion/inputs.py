@@ -6,34 +6,24 @@ section 7 (start, standstill).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from roadlog.car.correction import corrected
+from roadlog.car.suspension import DASHBOARD_HEIGHT, REFERENCE_HEIGHT, TIRE_MODE, body_mode
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, runs
 from roadlog.errors import EstimatorError
 from roadlog.estimators.fusion.gnss import fixes_of, revisits
-from roadlog.estimators.fusion.model import (
-    ALTITUDE,
-    CLOSURE,
-    EAST,
-    FORWARD,
-    LATERAL,
-    LEAN,
-    NORTH,
-    NOSE,
-    PHI,
-    PSI,
-    RATE,
-    THETA,
-    TIRE,
-    UNSIGNED,
-    H,
-    N,
-    Steps,
-    U,
-)
-from roadlog.estimators.fusion.speed import SpeedSource, binned, interpolated
+from roadlog.estimators.fusion.mounting import Mounting
+from roadlog.estimators.fusion.parameters import FusionParameters
+from roadlog.estimators.fusion.speed import SpeedSource, binned, interpolated, speed_source
+from roadlog.estimators.fusion.states import N, State
+from roadlog.estimators.fusion.steps import RATE, Fix, Steps, Sway, grid
+from roadlog.estimators.fusion.torque import torque_bias
 from roadlog.filters.kernels import odd_window, slope
+from roadlog.filters.lowpass import first_order, second_order
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -44,12 +34,6 @@ MOVES = 1.0  # m/s
 MAX_IMU_GAP = 0.2  # s, bridged by interpolation; longer ones begin a new run
 MIN_RUN = 1.0  # s, shorter runs of the IMU are not used
 START = 2.0  # s, over which the first tilt is averaged
-SUSPENSION_START = 20  # samples, mean of which the suspension filters begin with
-PITCH_MODE = (1.4, 0.37)  # Hz, damping ratio of body pitch where the vehicle file says nothing
-ROLL_MODE = (1.65, 0.34)  # of body roll
-TIRE_MODE = (8.0, 0.7)  # of the rear slip
-REFERENCE_HEIGHT = 0.08  # m over the ground, of the reference point when the IMU position is known
-DASHBOARD_HEIGHT = 0.75  # m over the ground, of an IMU whose position is not known
 RATE_WINDOW = 0.11  # s, for the derivative of the gyro
 STILL_SPEED, STILL_TIME = 0.06, 0.3  # m/s, s to either side
 STILL_GYRO, STILL_ACCEL = 0.003, 0.03  # rad/s, m/s2, floor of the quiet peak-to-peak
@@ -58,19 +42,58 @@ SWINGING = 0.03  # rad/s; beyond, an antenna a meter away moves sideways by more
 CREEP = 1.0  # m/s, below this unsigned wheel sensors say little
 
 
-def grid(drive: Drive) -> Floats:
-    """s, times of the smoother's steps over the drive."""
-    return np.arange(int(np.floor(drive.time[-1] * RATE + 1e-6)) + 1) / RATE
+@dataclass(frozen=True)
+class Inputs:
+    """What a drive gives, with its IMU turned by what is known of the mounting.
+
+    steps: the smoother's inputs, but for fixes. torque: m/s2, accelerometer bias that the wheel
+    torques tell, and its sd; None where they are not known.
+    """
+
+    drive: Drive
+    vehicle: Vehicle
+    params: FusionParameters
+    mounting: Mounting
+    source: SpeedSource
+    steps: Steps
+    torque: tuple[float, float] | None
+
+    @classmethod
+    def of(
+        cls, drive: Drive, vehicle: Vehicle, params: FusionParameters, mounting: Mounting
+    ) -> Inputs:
+        """Raises EstimatorError when no second of IMU and speed is there."""
+        if not np.array_equal(mounting.rotation, np.eye(3)):
+            drive = corrected(drive, Vehicle().mounted(mounting.rotation))
+        source = speed_source(drive, vehicle)
+        steps = build(drive, vehicle, source, params)
+        return cls(
+            drive, vehicle, params, mounting, source, steps, torque_bias(drive, vehicle, steps)
+        )
+
+    def with_fixes(self, delay: float) -> Steps:
+        """The steps with the fixes of a receiver `delay` s behind the IMU, and a barometer's."""
+        steps, drive = self.steps, self.drive
+        time = grid(drive)
+        fixes, fixes_sd = fixes_of(drive, time, self.source, delay)
+        if not steps.antenna.any():  # its place is not known, and no noise in a curve
+            fixes[np.abs(steps.rate_at[:, 2]) > SWINGING, Fix.EAST : Fix.NORTH + 1] = np.nan
+        clone = revisits(drive, time, steps.alive, fixes, fixes_sd)
+        starts = steps.starts.copy()
+        for x, run in zip(starts, runs(steps.alive), strict=True):
+            there = np.flatnonzero(np.isfinite(fixes[run, Fix.EAST]))
+            if len(there):
+                first = there[0]
+                course = np.arctan2(fixes[run, Fix.NORTH][first], fixes[run, Fix.EAST][first])
+                x[State.PSI] = course - steps.rate[run, 2][: first + 1].sum() * steps.dt
+            there = np.flatnonzero(np.isfinite(fixes[run, Fix.ALTITUDE]))
+            if len(there):
+                x[State.ALTITUDE] = fixes[run, Fix.ALTITUDE][there[0]]
+        return steps._replace(fixes=fixes, fixes_sd=fixes_sd, clone=clone, starts=starts)
 
 
-def build(
-    drive: Drive,
-    vehicle: Vehicle,
-    source: SpeedSource,
-    speed_sd: float,
-    creep_sd: float,
-) -> Steps:
-    """The smoother's inputs, but for fixes (`with_fixes`).
+def build(drive: Drive, vehicle: Vehicle, source: SpeedSource, params: FusionParameters) -> Steps:
+    """The smoother's inputs, but for fixes (`Inputs.with_fixes`).
 
     Raises EstimatorError when no second of IMU and speed is there.
     """
@@ -92,13 +115,13 @@ def build(
     shown = interpolated(source, time)
     still = _standstill(shown, point, alive)
     speed[still] = np.nan  # the standstill rows say it better
-    sway = np.zeros((n, LEAN + 1))
+    sway = np.zeros((n, len(Sway)))
     for run in runs(alive):
         sway[run] = _sway(point[run], vehicle)
     start = np.full(n, -1, np.int64)
     for number, run in enumerate(runs(alive)):
         start[run.start] = number
-    unknown = np.full((n, CLOSURE + 1), np.nan)
+    unknown = np.full((n, len(Fix)), np.nan)
     steps = Steps(
         dt=dt,
         force=mean[:, :3].copy(),
@@ -107,7 +130,7 @@ def build(
         rate_at=point[:, 3:].copy(),
         sway=sway,
         speed=speed,
-        speed_sd=np.where(np.abs(shown) < CREEP, creep_sd, speed_sd),
+        speed_sd=np.where(np.abs(shown) < CREEP, params.creep_speed_sd, params.speed_sd),
         still=still,
         fixes=unknown,
         fixes_sd=unknown,
@@ -121,112 +144,26 @@ def build(
     return steps._replace(starts=np.array([_start(run, steps, shown) for run in runs(alive)]))
 
 
-def with_fixes(steps: Steps, drive: Drive, source: SpeedSource, delay: float) -> Steps:
-    """The same with the fixes of a receiver `delay` s behind the IMU, and a barometer's."""
-    time = grid(drive)
-    fixes, fixes_sd = fixes_of(drive, time, source, delay)
-    if not steps.antenna.any():  # its place is not known, and no noise in a curve
-        fixes[np.abs(steps.rate_at[:, 2]) > SWINGING, EAST : NORTH + 1] = np.nan
-    clone = revisits(drive, time, steps.alive, fixes, fixes_sd)
-    starts = steps.starts.copy()
-    for x, run in zip(starts, runs(steps.alive), strict=True):
-        there = np.flatnonzero(np.isfinite(fixes[run, EAST]))
-        if len(there):
-            first = there[0]
-            course = np.arctan2(fixes[run, NORTH][first], fixes[run, EAST][first])
-            x[PSI] = course - steps.rate[run, 2][: first + 1].sum() * steps.dt
-        there = np.flatnonzero(np.isfinite(fixes[run, ALTITUDE]))
-        if len(there):
-            x[H] = fixes[run, ALTITUDE][there[0]]
-    return steps._replace(fixes=fixes, fixes_sd=fixes_sd, clone=clone, starts=starts)
-
-
 def _sway(point: Floats, vehicle: Vehicle) -> Floats:
     """What moves the body on its springs and the rear axle sideways, (n, 6) (section 4).
 
-    Of `body_pitch`: a lagged specific force and the lagged angular acceleration times the inertia,
-    which needs no derivative: the lag's own input less its output, over its time.
+    A lagged specific force (`body`), and the lagged angular acceleration times the inertia, which
+    needs no derivative: the lag's own input less its output, over its time.
     """
     inertia, lag = body_mode(vehicle, "pitch")
     lateral_inertia, lateral_lag = body_mode(vehicle, "roll")
-    sway = np.empty((len(point), LEAN + 1))
+    sway = np.empty((len(point), len(Sway)))
     in_plane, in_bend = 1 - G * vehicle.pitch_gain, 1 - G * vehicle.roll_gain
-    sway[:, FORWARD] = in_plane * first_order(point[:, 0], lag)
-    sway[:, UNSIGNED] = in_plane * first_order(np.abs(point[:, 0]), lag)
-    sway[:, LATERAL] = in_bend * first_order(point[:, 1], lateral_lag)
-    sway[:, TIRE] = in_bend * second_order(point[:, 1], *TIRE_MODE, RATE)
+    sway[:, Sway.FORWARD] = in_plane * first_order(point[:, 0], lag, RATE)
+    sway[:, Sway.FORWARD_MAGNITUDE] = in_plane * first_order(np.abs(point[:, 0]), lag, RATE)
+    sway[:, Sway.LATERAL] = in_bend * first_order(point[:, 1], lateral_lag, RATE)
+    sway[:, Sway.TIRE] = in_bend * second_order(point[:, 1], *TIRE_MODE, RATE)
     p, q = point[:, 3], point[:, 4]
-    sway[:, NOSE] = inertia * (q - first_order(q, lag)) / lag
-    sway[:, LEAN] = -lateral_inertia * (p - first_order(p, lateral_lag)) / lateral_lag
+    sway[:, Sway.PITCH_INERTIA] = inertia * (q - first_order(q, lag, RATE)) / lag
+    sway[:, Sway.ROLL_INERTIA] = (
+        -lateral_inertia * (p - first_order(p, lateral_lag, RATE)) / lateral_lag
+    )
     return sway
-
-
-def body_mode(vehicle: Vehicle, axis: str) -> tuple[float, float]:
-    """J in s2 and c in s of the body's balance of moments (`fusion_model.body_pitch`).
-
-    Inertia, stiffness and damping of the vehicle file where it has them. The specific force is
-    that of the reference point: a body that turns about it also swings its mass.
-    """
-    if axis == "pitch":
-        frequency, ratio = PITCH_MODE
-        names = "pitch_inertia", "pitch_stiffness", "pitch_damping"
-        arm = vehicle.cg_height - REFERENCE_HEIGHT
-    else:
-        frequency, ratio = ROLL_MODE
-        names = "roll_inertia", "roll_stiffness", "roll_damping"
-        arm = vehicle.roll_arm
-    w = 2 * np.pi * frequency
-    inertia, lag = 1 / w**2, 2 * ratio / w
-    of_body, stiffness, damping = (getattr(vehicle, name) for name in names)
-    if stiffness is not None and vehicle.source(names[0]).kind != "default":
-        swing = vehicle.mass * arm**2 if vehicle.imu_position is not None else 0.0
-        inertia = (of_body + swing) / stiffness
-        lag = 2 * ratio * np.sqrt(inertia)
-    if stiffness is not None and damping is not None:
-        lag = damping / stiffness
-    return inertia, lag
-
-
-def first_order(values: Floats, lag: float) -> Floats:
-    """Unit-gain first-order low-pass (bilinear), begun at the mean of its first samples."""
-    from scipy.signal import bilinear, lfilter, lfilter_zi
-
-    b, a = bilinear([1.0], [lag, 1.0], RATE)
-    return lfilter(b, a, values, zi=lfilter_zi(b, a) * values[:SUSPENSION_START].mean())[0]
-
-
-def second_order(values: Floats, frequency: float, damping: float, rate: float) -> Floats:
-    """Unit-gain second-order low-pass (bilinear), begun at the mean of its first samples."""
-    from scipy.signal import bilinear, lfilter, lfilter_zi
-
-    w = 2 * np.pi * frequency
-    b, a = bilinear([w * w], [1, 2 * damping * w, w * w], rate)
-    first = values[:SUSPENSION_START].mean()
-    return lfilter(b, a, values, zi=lfilter_zi(b, a) * first)[0]
-
-
-def vibration(steps: Steps) -> float:
-    """m/s2/sqrt(Hz), how rough the road is: median PSD of f_z in 0.3-2 Hz (section 5, `vib`).
-
-    Median over time as well: curbs and hairpins are not the road.
-    """
-    from scipy.signal import welch
-
-    levels, weights = [], []
-    for run in runs(steps.alive):
-        size = run.stop - run.start
-        frequency, psd = welch(
-            steps.force_at[run, 2],
-            RATE,
-            nperseg=min(size, round(10 * RATE)),
-            detrend="linear",
-            average="median",
-        )
-        band = (frequency >= 0.3) & (frequency <= 2.0)
-        if band.any():
-            levels.append(np.median(psd[band]))
-            weights.append(size)
-    return float(np.sqrt(np.average(levels, weights=weights) / 2)) if levels else 0.0
 
 
 def _imu(drive: Drive, time: Floats) -> tuple[Floats, Floats, Bools]:
@@ -331,9 +268,9 @@ def _start(run: slice, steps: Steps, speed: Floats) -> Floats:
     known = np.flatnonzero(np.isfinite(speed[head]))
     v = speed[head][known]
     if len(known):
-        x[U] = v[0]
+        x[State.U] = v[0]
     change = (v[-1] - v[0]) / ((known[-1] - known[0]) * steps.dt) if len(known) > 1 else 0.0
     turning = v.mean() * steps.rate_at[head, 2].mean() if len(known) else 0.0
-    x[THETA] = np.arcsin(np.clip((steps.force_at[head, 0].mean() - change) / G, -0.7, 0.7))
-    x[PHI] = np.arcsin(np.clip((steps.force_at[head, 1].mean() - turning) / G, -0.7, 0.7))
+    x[State.THETA] = np.arcsin(np.clip((steps.force_at[head, 0].mean() - change) / G, -0.7, 0.7))
+    x[State.PHI] = np.arcsin(np.clip((steps.force_at[head, 1].mean() - turning) / G, -0.7, 0.7))
     return x

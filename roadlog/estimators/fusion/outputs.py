@@ -5,48 +5,53 @@ Rows and variances of the fusion chapter, sections 4 (body) and 7 (outputs).
 
 from __future__ import annotations
 
+from enum import IntEnum
+
 import numpy as np
 from numba import njit
 
-from roadlog.estimators.fusion.model import (
-    BA,
-    EP,
-    ER,
-    FORWARD,
-    KPHI,
-    KSIDE,
-    KTHETA,
-    LATERAL,
-    MPHI,
-    MTHETA,
-    PHI,
-    THETA,
-    UNSIGNED,
-    N,
-    Noise,
-)
+from roadlog.estimators.fusion.body import body_pitch_row, body_roll_row
+from roadlog.estimators.fusion.noise import Noise
+from roadlog.estimators.fusion.states import N, State
+from roadlog.estimators.fusion.steps import Sway
 from roadlog.filters.kalman import solve_spd
 from roadlog.types import Floats
-from roadlog.units import STANDARD_GRAVITY as G
 
-GRADE, BANK, PITCH, ROLL_ANGLE, INCLINATION, ROLL_TOTAL = range(6)  # outputs
-OFFSETS = np.array([BA, BA + 1, MPHI, MTHETA])  # what shifts a whole grade or bank profile
+
+class Output(IntEnum):
+    """What is asked of the states; rad."""
+
+    GRADE = 0
+    BANK = 1
+    PITCH = 2
+    ROLL = 3
+    INCLINATION = 4
+    ROLL_TOTAL = 5
+
+
+OUTPUTS = len(Output)
+# what shifts a whole grade or bank profile
+OFFSETS = np.array(
+    [State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y, State.MOUNTING_ROLL, State.MOUNTING_PITCH]
+)
 
 
 @njit(cache=True)
 def output_rows(s: Floats, noise: Noise) -> Floats:
-    """(10, 29): the outputs as functions of the states, then the OFFSETS."""
-    rows = np.zeros((10, N))
-    rows[PITCH, KTHETA], rows[PITCH, KSIDE], rows[PITCH, EP] = s[FORWARD], s[UNSIGNED], 1.0
-    rows[PITCH, BA], rows[PITCH, MTHETA] = -noise.pitch_gain, -G * noise.pitch_gain
-    rows[ROLL_ANGLE, KPHI], rows[ROLL_ANGLE, ER] = s[LATERAL], 1.0
-    rows[ROLL_ANGLE, BA + 1], rows[ROLL_ANGLE, MPHI] = -noise.roll_gain, -G * noise.roll_gain
-    rows[INCLINATION, THETA], rows[INCLINATION, MTHETA] = 1.0, -1.0
-    rows[ROLL_TOTAL, PHI], rows[ROLL_TOTAL, MPHI] = 1.0, -1.0
-    rows[GRADE] = rows[INCLINATION] - rows[PITCH]
-    rows[BANK] = rows[ROLL_TOTAL] - rows[ROLL_ANGLE]
-    for i in range(4):
-        rows[6 + i, OFFSETS[i]] = 1.0
+    """(10, 29): the outputs as functions of the states, then the OFFSETS.
+
+    At the prior gradients: a covariance must not depend on what the drive said of them.
+    """
+    rows = np.zeros((OUTPUTS + len(OFFSETS), N))
+    body_pitch_row(noise.pitch_gradient, s[Sway.FORWARD], s, rows[Output.PITCH])
+    body_roll_row(noise.roll_gradient, s[Sway.LATERAL], rows[Output.ROLL])
+    rows[Output.INCLINATION, State.THETA] = 1.0
+    rows[Output.INCLINATION, State.MOUNTING_PITCH] = -1.0
+    rows[Output.ROLL_TOTAL, State.PHI], rows[Output.ROLL_TOTAL, State.MOUNTING_ROLL] = 1.0, -1.0
+    rows[Output.GRADE] = rows[Output.INCLINATION] - rows[Output.PITCH]
+    rows[Output.BANK] = rows[Output.ROLL_TOTAL] - rows[Output.ROLL]
+    for i in range(len(OFFSETS)):
+        rows[OUTPUTS + i, OFFSETS[i]] = 1.0
     return rows
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from roadlog.estimators.fusion.model import MOVING, ROWS, N, Noise, Steps
+from roadlog.estimators.fusion.noise import Noise
 from roadlog.estimators.fusion.outputs import given_variances, output_rows
 from roadlog.estimators.fusion.recursion import (
     is_reported,
@@ -14,12 +14,14 @@ from roadlog.estimators.fusion.recursion import (
     restart,
     soft_variance,
 )
+from roadlog.estimators.fusion.states import MOVING, ROWS, N
+from roadlog.estimators.fusion.steps import Steps
 from roadlog.types import Floats
 
 
 def rauch_tung_striebel(
     steps: Steps, noise: Noise, P0: Floats, at: Floats, look_ahead: bool
-) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
     """The fields of `Smoothed`; the arguments are those of the compiled engine."""
 
     n = len(steps.speed)
@@ -27,6 +29,7 @@ def rauch_tung_striebel(
     kf.x, kf.P, kf.B = steps.starts[0].reshape(N, 1).copy(), P0.copy(), np.eye(N)
     runs = np.flatnonzero(steps.alive)
     xs, variance, shape = np.full((n, N), np.nan), np.full((n, 6), np.nan), np.full((n, 2), np.nan)
+    innovations = np.full((n, ROWS), np.nan)
     filtered, priors, transitions = [], [], []
     for k in runs:
         F, q = np.zeros((N, N)), np.zeros(N)
@@ -45,7 +48,9 @@ def rauch_tung_striebel(
             x = kf.x[:, 0]
             residual, sd, gate = residual_row(kind, k, x, steps, noise, at, h)
             if np.isfinite(residual):
-                variance_of_row = soft_variance(residual, float(h @ kf.P @ h), sd, gate)
+                spread = float(h @ kf.P @ h)
+                variance_of_row = soft_variance(residual, spread, sd, gate)
+                innovations[k, kind] = residual / np.sqrt(spread + variance_of_row)
                 kf.update(residual + h @ x, R=variance_of_row, H=h.reshape(1, N))
         filtered.append((kf.x[:, 0].copy(), kf.P.copy()))
     x, P = filtered[-1]
@@ -65,4 +70,4 @@ def rauch_tung_striebel(
         if is_reported(k, steps, noise):
             rows = output_rows(steps.sway[k], noise)
             given_variances(rows @ P @ rows.T, variance[k], shape[k])
-    return xs, variance, shape, *filtered[-1]
+    return xs, variance, shape, *filtered[-1], innovations

@@ -8,18 +8,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from roadlog.estimators.fusion.model import (
-    COUPLED,
-    DECAYING,
-    MOVING,
-    N,
-    Noise,
-    Steps,
-    process_noise,
-    propagate,
-    row,
-    transition,
-)
+from roadlog.estimators.fusion.model import process_noise, propagate, transition
+from roadlog.estimators.fusion.noise import Noise
+from roadlog.estimators.fusion.rows import row
+from roadlog.estimators.fusion.states import COUPLED, DECAYING, MOVING, N
+from roadlog.estimators.fusion.steps import Steps
 from roadlog.types import Floats
 
 OWN_STATES = np.empty((0, N))  # linearise at the filter's own states

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from roadlog.estimators.fusion.bryson_frazier import bryson_frazier
-from roadlog.estimators.fusion.model import Noise, Steps
+from roadlog.estimators.fusion.noise import Noise
 from roadlog.estimators.fusion.recursion import OWN_STATES
+from roadlog.estimators.fusion.steps import Steps
 from roadlog.filters import Engine
 from roadlog.types import Floats
 
@@ -18,6 +19,7 @@ class Smoothed:
     variance (n, 6): rad2, of the outputs, at every tenth of a second and the ends of a run of the
     IMU, NaN elsewhere. shape_variance (n, 2): of grade and bank if the OFFSETS were known. x_end,
     P_end: states and covariance after the last step; for the constants, of the whole drive.
+    innovations (n, 17): residual of each row over its sd as the filter predicted it, NaN without.
     """
 
     x: Floats
@@ -25,6 +27,7 @@ class Smoothed:
     shape_variance: Floats
     x_end: Floats
     P_end: Floats
+    innovations: Floats
 
 
 def smooth(

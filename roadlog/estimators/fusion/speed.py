@@ -11,10 +11,11 @@ import numpy as np
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, Samples, nan_mean
-from roadlog.estimators.fusion.model import RATE
-from roadlog.types import Floats
+from roadlog.estimators.fusion.steps import RATE
+from roadlog.types import Bools, Floats
 
-SPEED_GAP = 1.0  # s, speed is interpolated across for the standstill mask
+SPEED_GAP = 3.0  # s without speed, flagged (section 7)
+STANDSTILL_GAP = 1.0  # s, speed is interpolated across for the standstill mask
 GNSS_DELAYS = np.arange(-29, 151) / 100  # s, tried for the receiver against the car's own speed
 DELAY_CORRELATION = (
     5.0  # the sd of a delay grows by this: the residuals of speeds are no white noise
@@ -80,12 +81,21 @@ def interpolated(source: SpeedSource, time: Floats) -> Floats:
     result = np.interp(time, source.time, source.value)
     after = np.clip(np.searchsorted(source.time, time), 1, len(source.time) - 1)
     gap = source.time[after] - source.time[after - 1]
-    outside = (time < source.time[0] - SPEED_GAP) | (time > source.time[-1] + SPEED_GAP)
-    result[(gap > SPEED_GAP) | outside] = np.nan
+    outside = (time < source.time[0] - STANDSTILL_GAP) | (time > source.time[-1] + STANDSTILL_GAP)
+    result[(gap > STANDSTILL_GAP) | outside] = np.nan
     return result
 
 
+def without_speed(source: SpeedSource, time: Floats) -> Bools:
+    """Where the nearest speed sample is further than SPEED_GAP."""
+    after = np.clip(np.searchsorted(source.time, time), 0, len(source.time) - 1)
+    before = np.clip(after - 1, 0, None)
+    away = np.minimum(np.abs(source.time[after] - time), np.abs(time - source.time[before]))
+    return away > SPEED_GAP
+
+
 def known_samples(time: Floats, value: Floats) -> tuple[Floats, Floats]:
+    """The samples that have a value, and their times."""
     known = np.isfinite(value)
     return time[known], value[known]
 

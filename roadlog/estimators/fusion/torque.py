@@ -9,9 +9,9 @@ import numpy as np
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.estimators.fusion.inputs import grid
-from roadlog.estimators.fusion.model import RATE, Steps
+from roadlog.estimators.fusion.steps import RATE, Steps, grid
 from roadlog.filters.kernels import odd_window, slope
+from roadlog.filters.lowpass import zero_phase
 from roadlog.signals import WHEELS
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
@@ -56,7 +56,7 @@ def torque_bias(drive: Drive, vehicle: Vehicle, steps: Steps) -> tuple[float, fl
     share = vehicle.cg_to_rear_axle / vehicle.wheelbase
     expected = pull / vehicle.mass - share * speed * steps.rate_at[:, 2] * steer
     measured = np.where(steps.alive, steps.force_at[:, 0], 0.0)
-    X, f = _slow(expected)[mask], _slow(measured)[mask]
+    X, f = zero_phase(expected, CUTOFF, RATE)[mask], zero_phase(measured, CUTOFF, RATE)[mask]
     scale = 1 / (1 - G * vehicle.pitch_gain)
     A = np.stack([X, np.ones_like(X)], axis=1)
     residual = f - A @ np.linalg.lstsq(A, f, rcond=None)[0]
@@ -94,10 +94,3 @@ def _without(mask: Bools, margin: float) -> Bools:
     from scipy.ndimage import maximum_filter1d
 
     return maximum_filter1d(mask.astype(np.int8), 2 * round(margin * RATE) + 1) == 0
-
-
-def _slow(values: Floats) -> Floats:
-    from scipy.signal import butter, sosfiltfilt
-
-    result: Floats = sosfiltfilt(butter(2, CUTOFF, fs=RATE, output="sos"), values)
-    return result

@@ -1,0 +1,94 @@
+"""What the smoother of `fusion` is to solve, with noise and mounting as the drive shows them.
+
+Source: fusion chapter, sections 7 (mounting) and 8.2 (delays).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from roadlog.car.vehicle import Vehicle
+from roadlog.drive import Drive
+from roadlog.estimators.fusion.bryson_frazier import filtered
+from roadlog.estimators.fusion.innovations import CHANGED, scales
+from roadlog.estimators.fusion.inputs import Inputs
+from roadlog.estimators.fusion.mounting import Mounting, mounting_prior, straightened
+from roadlog.estimators.fusion.noise import Noise, noise_of
+from roadlog.estimators.fusion.parameters import FusionParameters
+from roadlog.estimators.fusion.priors import priors
+from roadlog.estimators.fusion.speed import gnss_delay
+from roadlog.estimators.fusion.states import CONSTANTS, State
+from roadlog.estimators.fusion.steps import Steps, beginning, last
+from roadlog.types import Floats
+
+MAX_ROUNDS = 4  # of adapting
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What the smoother is given. steps: with fixes. P0 (29, 29): prior of all states."""
+
+    inputs: Inputs
+    steps: Steps
+    P0: Floats
+    noise: Noise
+
+
+def fitted(drive: Drive, vehicle: Vehicle, params: FusionParameters) -> Fit:
+    """With the noise that the drive shows, and the IMU turned until it is straight."""
+
+    def begun(mounting: Mounting) -> Fit:
+        return begin(Inputs.of(drive, vehicle, params, mounting))
+
+    fit = begun(mounting_prior(vehicle, params))
+    for _ in range(MAX_ROUNDS):
+        fit, x = _adapted(fit)
+        turned = straightened(beginning(fit.steps), fit.inputs.mounting, x)
+        if turned is None or not params.smooth:
+            break
+        fit = begun(turned)
+    return fit
+
+
+def begin(inputs: Inputs) -> Fit:
+    """With priors, the noise as it is set, and the receiver's fixes at their own times."""
+    mean, P0 = priors(inputs)
+    noise = noise_of(inputs)
+    delay = gnss_delay(inputs.drive, inputs.source)
+    if delay:  # behind a speed that may be late itself: the IMU tells by how much
+        alone = beginning(_started(inputs.steps, mean))
+        late = float(filtered(alone, noise, P0)[0][last(alone), State.SPEED_DELAY])
+        delay += late if abs(late) > inputs.steps.dt / 2 else 0.0  # counts at the nearest step
+    return Fit(inputs, _started(inputs.with_fixes(delay), mean), P0, noise)
+
+
+def _started(steps: Steps, mean: Floats) -> Steps:
+    """With the constants begun at their prior mean (29,)."""
+    return steps._replace(starts=steps.starts + mean)
+
+
+def _adapted(fit: Fit) -> tuple[Fit, Floats]:
+    """With the noise that the innovations show; and the filter's states of the beginning."""
+    steps = beginning(fit.steps)
+    x, innovations = filtered(steps, fit.noise, fit.P0)
+    if not _is_wrong(scales(innovations, steps.dt)):
+        return fit, x
+    known = steps._replace(starts=_knowing(steps, x))
+    scale = scales(filtered(known, fit.noise, fit.P0)[1], steps.dt)
+    if not _is_wrong(scale):
+        return fit, x
+    fit = replace(fit, noise=fit.noise._replace(scale=scale))
+    return fit, filtered(steps, fit.noise, fit.P0)[0]
+
+
+def _is_wrong(scale: Floats) -> bool:
+    return bool(np.any(scale > CHANGED))
+
+
+def _knowing(steps: Steps, x: Floats) -> Floats:
+    """(m, 29) states to begin with, where the constants are known from the whole drive."""
+    starts = steps.starts.copy()
+    starts[:, CONSTANTS] = x[last(steps), CONSTANTS]
+    return starts

@@ -1,0 +1,81 @@
+"""What `fusion` tells people of a run: what it used, what it found, what it could not tell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from roadlog.estimators.fusion.fit import Fit
+from roadlog.estimators.fusion.outputs import Output
+from roadlog.estimators.fusion.solution import Solution
+from roadlog.estimators.fusion.states import CONSTANTS
+from roadlog.estimators.fusion.steps import Fix, has
+
+DEG = np.pi / 180
+OFFSET_LIMIT = 0.15 * DEG  # sd of the mean of grade or bank, beyond which it is not observable
+LEARNED = 0.7  # a constant whose sd is this share of its prior's was found in the drive
+NAMES = {
+    Fix.EAST: "GNSS velocity",
+    Fix.UP: "GNSS climb",
+    Fix.ALTITUDE: "altitude",
+    Fix.HEADING: "antenna heading",
+    Fix.ROLL: "antenna roll",
+    Fix.BAROMETER: "barometer",
+    Fix.CLOSURE: "places seen again",
+}
+
+
+def notes(solution: Solution) -> list[str]:
+    """A sentence each."""
+    return [
+        f"used: {', '.join(_used(solution.fit))}",
+        *_mounting(solution),
+        *_found(solution),
+        *_offsets(solution),
+    ]
+
+
+def _used(fit: Fit) -> list[str]:
+    """What the smoother was fed."""
+    return [
+        "imu",
+        fit.inputs.source.name,
+        *(name for fix, name in NAMES.items() if has(fit.steps, fix)),
+        *(["stops"] if fit.steps.still.any() else []),
+        *(["torques"] if fit.inputs.torque is not None else []),
+    ]
+
+
+def _mounting(solution: Solution) -> list[str]:
+    """On an IMU that had to be turned."""
+    if np.array_equal(solution.fit.inputs.mounting.rotation, np.eye(3)):
+        return []
+    turn = ", ".join(
+        f"{axis} {np.degrees(solution.constants[f'mounting_{axis}'][0]):+.1f}"
+        for axis in ("roll", "pitch", "yaw")
+    )
+    return [f"the IMU is not mounted straight, and was turned (deg): {turn}"]
+
+
+def _found(solution: Solution) -> list[str]:
+    """On the constants that the drive told, with their standard errors."""
+    prior = np.sqrt(np.diag(solution.fit.P0))
+    found = []
+    for state in CONSTANTS:
+        name = state.name.lower()
+        value, sd = (solution.constants[key][0] for key in (name, f"{name}_sd"))
+        if sd < LEARNED * prior[state]:
+            found.append(f"{name} {value:+.2g} +- {sd:.1g}")
+    return [f"found (SI units, 1 sd): {', '.join(found)}"] if found else []
+
+
+def _offsets(solution: Solution) -> list[str]:
+    """On an angle whose mean no sensor of this drive can tell."""
+    sentences = []
+    for name, column in (("grade", Output.GRADE), ("bank", Output.BANK)):
+        sd = float(np.median(solution.offset_sd[solution.known, column]))
+        if sd > OFFSET_LIMIT:
+            sentences.append(
+                f"the mean of {name} is known to {np.degrees(sd):.2f} deg only (1 sd); its shape "
+                f"is better (detail `shape`)"
+            )
+    return sentences

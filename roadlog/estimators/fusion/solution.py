@@ -1,0 +1,151 @@
+"""What the smoother of `fusion` found: angles, their variances, and the constants of the drive.
+
+Source: fusion chapter, section 7 (outputs).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from roadlog.car.vehicle import Vehicle
+from roadlog.drive import runs
+from roadlog.estimators.fusion.body import body_pitch, body_roll
+from roadlog.estimators.fusion.fit import Fit
+from roadlog.estimators.fusion.outputs import Output
+from roadlog.estimators.fusion.recursion import OWN_STATES
+from roadlog.estimators.fusion.smoother import Smoothed, smooth
+from roadlog.estimators.fusion.states import ACCEL_BIAS, CONSTANTS, GYRO_BIAS, MOUNTING, N, State
+from roadlog.estimators.fusion.steps import HEIGHTS, RATE, Steps, beginning, grid, has
+from roadlog.filters import Engine
+from roadlog.filters.lowpass import gaussian
+from roadlog.types import Bools, Floats
+from roadlog.units import STANDARD_GRAVITY as G
+
+ROAD_BAND = 1.5  # Hz, what changes faster is the body on its springs, not the road
+UNKNOWN_ARM = 0.03  # m/s2, of an accelerometer bias that curves tell an IMU of unknown place (10.4)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What was found on the smoother's own steps.
+
+    time (n,): s. angles: name -> rad (n,). known (n,): the steps at which uncertainty is given.
+    variance: name -> rad2 (n,). offset_sd, shape_sd (n, 2): rad, of the mean of grade and bank, and
+    of what is left if that were known. constants: name -> value and name_sd, SI units, of the whole
+    drive. innovations (n, 17): a column a `Row`, residual over its predicted sd, NaN without a row.
+    """
+
+    fit: Fit
+    time: Floats
+    angles: dict[str, Floats]
+    known: Bools
+    variance: dict[str, Floats]
+    offset_sd: Floats
+    shape_sd: Floats
+    constants: dict[str, Floats]
+    innovations: Floats
+
+
+def solved(fit: Fit, engine: Engine) -> Solution:
+    """Smoothed, iterated once where the drive may be looked at twice."""
+    look_ahead, at = fit.inputs.params.smooth, OWN_STATES
+    if look_ahead:
+        at = smooth(beginning(fit.steps), fit.noise, fit.P0, engine=engine).x
+    smoothed = smooth(fit.steps, fit.noise, fit.P0, at, engine, look_ahead)
+    arm = _unknown_arm(fit.inputs.vehicle, fit.steps)
+    offset = np.maximum(smoothed.variance[:, :2] - smoothed.shape_variance, 0.0)
+    return Solution(
+        fit=fit,
+        time=grid(fit.inputs.drive),
+        angles=_angles(fit, smoothed),
+        known=np.isfinite(smoothed.shape_variance[:, Output.GRADE]),
+        variance=_variances(fit, smoothed, arm),
+        offset_sd=np.sqrt(offset + arm),
+        shape_sd=np.sqrt(smoothed.shape_variance),
+        constants=_constants(fit, smoothed),
+        innovations=smoothed.innovations,
+    )
+
+
+def _angles(fit: Fit, smoothed: Smoothed) -> dict[str, Floats]:
+    """The road's and the body's angles.
+
+    Mounting and load turn the body alike: data give their sum, the priors divide it. Of what the
+    road does faster than ROAD_BAND the body's own bounce is the larger part; it counts as body.
+    """
+    x, s = smoothed.x.T, fit.steps.sway.T
+    inclination = x[State.THETA] - x[State.MOUNTING_PITCH]
+    roll_total = x[State.PHI] - x[State.MOUNTING_ROLL]
+    grade, bank = inclination - body_pitch(x, s), roll_total - body_roll(x, s)
+    if fit.inputs.params.smooth:
+        grade, bank = _slow(grade, fit.steps.alive), _slow(bank, fit.steps.alive)
+    mounted = fit.inputs.mounting.whole(smoothed.x_end[MOUNTING])[1]
+    return {
+        "grade": grade,
+        "bank": bank,
+        "pitch": inclination - grade + _load_share(fit) * mounted,
+        "roll": roll_total - bank,
+    }
+
+
+def _slow(values: Floats, alive: Bools) -> Floats:
+    """Below ROAD_BAND, over each run of the IMU."""
+    result = values.copy()
+    for run in runs(alive):
+        result[run] = gaussian(values[run], ROAD_BAND, RATE)
+    return result
+
+
+def _load_share(fit: Fit) -> float:
+    """Of the constant pitch that the data give: what of it the load is expected to make."""
+    load = fit.inputs.params.load_pitch_sd**2
+    mounting: float = fit.P0[State.MOUNTING_PITCH, State.MOUNTING_PITCH]
+    return load / (load + mounting)
+
+
+def _variances(fit: Fit, smoothed: Smoothed, arm: Floats) -> dict[str, Floats]:
+    """rad2, of every output at the smoother's steps. arm (2,): rad2, `_unknown_arm`."""
+    share, at = _load_share(fit), State.MOUNTING_PITCH
+    static = share**2 * smoothed.P_end[at, at] + share * fit.P0[at, at]
+    added = {
+        Output.GRADE: arm[0],
+        Output.INCLINATION: static + arm[0],
+        Output.BANK: arm[1],
+        Output.ROLL_TOTAL: arm[1],
+        Output.PITCH: static,
+    }
+    return {
+        output.name.lower(): smoothed.variance[:, output] + added.get(output, 0.0)
+        for output in Output
+    }
+
+
+def _constants(fit: Fit, smoothed: Smoothed) -> dict[str, Floats]:
+    """What was found of every constant, after the last step: it holds for the whole drive.
+
+    Mounting and biases in the IMU's own axes, those of the log.
+    """
+    mounting = fit.inputs.mounting
+    x, turn = smoothed.x_end.copy(), np.eye(N)
+    for axes in (GYRO_BIAS, ACCEL_BIAS):
+        turn[axes, axes] = mounting.rotation.T
+        x[axes] = mounting.rotation.T @ x[axes]
+    x[MOUNTING] = mounting.whole(x[MOUNTING])
+    sd = np.sqrt(np.diag(turn @ smoothed.P_end @ turn.T))
+    columns = {}
+    for state in CONSTANTS:
+        columns[state.name.lower()] = x[[state]]
+        columns[f"{state.name.lower()}_sd"] = sd[[state]]
+    return columns
+
+
+def _unknown_arm(vehicle: Vehicle, steps: Steps) -> Floats:
+    """rad2, variance of grade and bank that curves leave where the IMU's place is not known.
+
+    Its own acceleration in a bend looks like a bias; climb or altitude tell the grade better.
+    """
+    if vehicle.imu_position is not None:
+        return np.zeros(2)
+    return (UNKNOWN_ARM / G) ** 2 * np.array([0.0 if has(steps, *HEIGHTS) else 1.0, 1.0])

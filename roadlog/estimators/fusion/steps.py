@@ -1,0 +1,100 @@
+"""What the smoother of `fusion` is fed: one row a step, on a grid of its own.
+
+Source: fusion chapter, section 4.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roadlog.drive import Drive
+from roadlog.types import Bools, Floats
+
+RATE = 50.0  # Hz, of the smoother's steps; 25 Hz gives the same (section 10.6)
+LEARNING = 600.0  # s of driving in which noise and mounting show; more costs time and tells little
+OF_THE_DRIVE = ("dt", "starts", "antenna", "height")  # what `Steps` has not one of at each step
+
+
+class Fix(IntEnum):
+    """Columns of `Steps.fixes`."""
+
+    EAST = 0  # m/s, velocity of the antenna
+    NORTH = 1  # m/s
+    UP = 2  # m/s
+    ALTITUDE = 3  # m, of the receiver
+    HEADING = 4  # rad, of two antennas
+    ROLL = 5  # rad, of two antennas
+    BAROMETER = 6  # m, altitude of the barometer
+    CLOSURE = 7  # m, altitude less that of an earlier visit of the place: 0
+
+
+HEIGHTS = (Fix.UP, Fix.ALTITUDE, Fix.BAROMETER)  # what tells the grade without the accelerometer
+
+
+class Sway(IntEnum):
+    """Columns of `Steps.sway`: what moves the body on its springs and the rear axle sideways."""
+
+    FORWARD = 0  # m/s2, longitudinal specific force behind the lag of body pitch
+    LATERAL = 1  # m/s2, lateral specific force behind the lag of body roll
+    TIRE = 2  # m/s2, lateral specific force behind the lag of the rear slip
+    FORWARD_MAGNITUDE = 3  # m/s2, as FORWARD, of the force without its sign
+    PITCH_INERTIA = 4  # rad, body pitch by the body's own inertia
+    ROLL_INERTIA = 5  # rad, body roll by the body's own inertia
+
+
+class Steps(NamedTuple):
+    """What the smoother is fed, on its own grid of k = 0 .. n-1.
+
+    dt: s. force, rate: (n, 3) mean over [k, k+1) of specific force (m/s2) and rate (rad/s) of the
+    reference point. force_at, rate_at: (n, 3) at k. sway: (n, 6) `Sway`. speed, speed_sd: (n,) m/s,
+    NaN where there is no sample. still: (n,). fixes, fixes_sd: (n, 8) `Fix`, NaN where there is
+    none. clone: (n,) where the altitude is kept for a later visit. alive: (n,) the IMU is there.
+    start: (n,) row of `starts` where a run of the IMU begins, else -1. starts: (m, 29) states to
+    begin with. antenna: (3,) m from the reference point. height: m, of that point over the ground.
+    """
+
+    dt: float
+    force: Floats
+    rate: Floats
+    force_at: Floats
+    rate_at: Floats
+    sway: Floats
+    speed: Floats
+    speed_sd: Floats
+    still: Bools
+    fixes: Floats
+    fixes_sd: Floats
+    clone: Bools
+    alive: Bools
+    start: NDArray[np.int64]
+    starts: Floats
+    antenna: Floats
+    height: float
+
+
+def grid(drive: Drive) -> Floats:
+    """s, times of the smoother's steps over the drive."""
+    return np.arange(int(np.floor(drive.time[-1] * RATE + 1e-6)) + 1) / RATE
+
+
+def beginning(steps: Steps) -> Steps:
+    """The steps of the first LEARNING seconds that the IMU is there."""
+    end = int(np.searchsorted(np.cumsum(steps.alive), LEARNING / steps.dt)) + 1
+    if end >= len(steps.alive):
+        return steps
+    parts = steps._asdict().items()
+    return steps._replace(**{k: part[:end] for k, part in parts if k not in OF_THE_DRIVE})
+
+
+def last(steps: Steps) -> int:
+    """The last step that the IMU is there."""
+    return int(np.flatnonzero(steps.alive)[-1])
+
+
+def has(steps: Steps, *fixes: Fix) -> bool:
+    """Whether the drive has any of these."""
+    return bool(np.isfinite(steps.fixes[:, list(fixes)]).any())
