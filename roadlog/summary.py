@@ -140,14 +140,12 @@ def _estimators(drive: Drive | None, log: DriveLog) -> list[EstimatorSummary]:
     from roadlog import estimators
     from roadlog.estimators.base import default_notes
 
+    _, refused = estimators.runnable(drive)
     result = []
     for estimator in estimators.all_estimators():
-        missing = list(estimator.needs) if drive is None else estimator.missing(drive)
-        if missing:
-            reason = f"no {', no '.join(need.replace('|', ' or ') for need in missing)}"
-        else:
-            reason = "; ".join(default_notes(estimator, log.vehicle))
-        result.append(EstimatorSummary(estimator.name, not missing, estimator.gives, reason))
+        able = estimator.name not in refused
+        reason = refused.get(estimator.name) or "; ".join(default_notes(estimator, log.vehicle))
+        result.append(EstimatorSummary(estimator.name, able, estimator.gives, reason))
     return result
 
 

@@ -87,9 +87,9 @@ class DriveCalibration:
 
 def calibrate_drive(drive: Drive, vehicle: Vehicle) -> DriveCalibration:
     """Raises EstimatorError when the drive does not tell which way the IMU points."""
-    needed = estimators.get("fusion").missing(drive)
-    if needed:
-        raise EstimatorError(f"cannot calibrate: the drive has no {', no '.join(needed)}")
+    reason = estimators.get("fusion").refusal(drive)
+    if reason:
+        raise EstimatorError(f"cannot calibrate: the drive has {reason}")
     start = mounting.coarse(drive)
     mounting.refuse_mirrored(drive, start.rotation[2])
     source = drive.sources_of_speed()[0]

@@ -17,7 +17,6 @@ from roadlog.types import Floats
 __all__ = ["Finding", "check", "check_drive"]
 
 MAX_TILT = 20.0  # deg of the mean specific force against z that no road explains
-MIN_GAIN = 0.3  # of correlation that an explanation must win beyond its price
 
 
 def check(tables: Mapping[str, Table]) -> list[Finding]:
@@ -43,7 +42,7 @@ def check_drive(drive: Drive, degrees: frozenset[str] = frozenset()) -> list[Fin
 
     degrees: roles of angles that the log has in degrees and the drive in radians.
     """
-    state = motion.Motion(Evidence.of(drive), degrees)
+    state = motion.Examination(Evidence.of(drive), degrees)
     motion.gravity(state)
     motion.speeds(state)
     motion.latency(state)
@@ -53,21 +52,15 @@ def check_drive(drive: Drive, degrees: frozenset[str] = frozenset()) -> list[Fin
     return state.found
 
 
-def _axes(state: motion.Motion) -> None:
-    if not any(role.startswith("imu.") for role in state.evidence.signals):
+def _axes(state: motion.Examination) -> None:
+    verdict = axes.judge(state.evidence)
+    if verdict is None:
         return
-    accel = state.triad("accel")
-    mean: Floats | None = None
-    if accel is not None and np.isfinite(accel).any(axis=1).all():
-        mean = np.nanmedian(accel, axis=1)
-    ranked = axes.explain(state.evidence, mean)
-    best = ranked[0]
-    plain = next(e for e in ranked if not e.turned and not e.reversed)
-    if best is plain or best.score - plain.score < MIN_GAIN:
+    mean, best, rivals = verdict.mean, verdict.best, verdict.rivals
+    if best is None:
         if mean is not None:
             _tilt(state, mean)
         return
-    rivals = [e for e in ranked[1:] if best.score - e.score < axes.TIE]
     if best.turned:
         _mount(state, best, mean)
     if best.reversed == ("imu.accel",):
@@ -104,7 +97,7 @@ def _or(others: list[str]) -> str:
     return f" (or else {', '.join(others)}: nothing in the log tells which)" if others else ""
 
 
-def _mount(state: motion.Motion, best: axes.Explanation, mean: Floats | None) -> None:
+def _mount(state: motion.Examination, best: axes.Explanation, mean: Floats | None) -> None:
     signals = tuple(f"imu.{kind}_{axis}" for kind in ("accel", "gyro") for axis in AXES)
     names = [name for name in signals if name in state.evidence]
     reads = ""
@@ -119,7 +112,7 @@ def _mount(state: motion.Motion, best: axes.Explanation, mean: Floats | None) ->
     )
 
 
-def _tilt(state: motion.Motion, mean: Floats) -> None:
+def _tilt(state: motion.Examination, mean: Floats) -> None:
     tilt = float(np.degrees(np.arccos(np.clip(mean[2] / np.linalg.norm(mean), -1, 1))))
     if tilt > MAX_TILT:
         state.add(

@@ -49,7 +49,7 @@ DEGREES = 180 / np.pi
 
 
 @dataclass
-class Motion:
+class Examination:
     """The evidence as it is put right step by step, and what was found on the way."""
 
     evidence: Evidence
@@ -80,26 +80,19 @@ class Motion:
         signals = {k: v for k, v in self.evidence.signals.items() if k not in roles}
         self.evidence = Evidence(self.evidence.rate, signals)
 
-    def triad(self, kind: str) -> Floats | None:
-        """Three rows of accelerations or rates; None unless all axes are there."""
-        roles = [f"imu.{kind}_{axis}" for axis in AXES]
-        if not all(role in self.evidence for role in roles):
-            return None
-        return np.stack([self.evidence[role] for role in roles])
 
-
-def gravity(motion: Motion) -> None:
+def gravity(exam: Examination) -> None:
     """Size of the mean specific force: m/s2, or g."""
-    accel = motion.triad("accel")
+    accel = exam.evidence.triad("accel")
     if accel is None or np.isnan(accel).all(axis=1).any():
         return
     size = float(np.linalg.norm(np.nanmedian(accel, axis=1)))
     roles = tuple(f"imu.accel_{axis}" for axis in AXES)
     if abs(size - 1.0) < 0.1:
-        motion.add("unit", roles, "gravity reads 1: the unit is g", 'say unit = "g"', G)
-        motion.scale(roles, G)
+        exam.add("unit", roles, "gravity reads 1: the unit is g", 'say unit = "g"', G)
+        exam.scale(roles, G)
     elif abs(size - G) > GRAVITY_TOLERANCE:
-        motion.add(
+        exam.add(
             "gravity",
             roles,
             f"mean specific force is {size:.2f} m/s2 instead of 9.81",
@@ -108,16 +101,16 @@ def gravity(motion: Motion) -> None:
             size,
         )
         if size > WEIGHTLESS:
-            motion.scale(roles, G / size)
+            exam.scale(roles, G / size)
         else:
-            motion.drop(roles)
+            exam.drop(roles)
 
 
-def speeds(motion: Motion) -> None:
+def speeds(exam: Examination) -> None:
     """Units of the speeds, wheels that disagree, speeds that disagree."""
-    evidence = motion.evidence
-    _wheels(motion)
-    sources = motion.evidence.speeds()
+    evidence = exam.evidence
+    _wheels(exam)
+    sources = exam.evidence.speeds()
     reference = _track_speed(evidence)
     for name, speed in sources.items():
         ratios = {}
@@ -135,26 +128,26 @@ def speeds(motion: Motion) -> None:
         roles = _roles_of(name, evidence)
         if unit is not None:
             factor = UNITS[unit][1]
-            motion.add(
+            exam.add(
                 "unit",
                 roles,
                 f"is {1 / factor:.2f} times too large against {against}",
                 f'its unit is {unit}, say unit = "{unit}" in the profile',
                 1 / factor,
             )
-            motion.scale(roles, factor)
-    _agree(motion, reference)
+            exam.scale(roles, factor)
+    _agree(exam, reference)
 
 
-def latency(motion: Motion) -> None:
+def latency(exam: Examination) -> None:
     """Lag of every speed behind the accelerations, steps of a clock, and both put right."""
-    evidence = motion.evidence
+    evidence = exam.evidence
     for name, speed in evidence.speeds().items():
         roles = _roles_of(name, evidence)
         step = _step(evidence, speed)
         if step is not None:
             at, before, after = step
-            motion.add(
+            exam.add(
                 "clock_step",
                 (*roles, "imu.accel"),
                 f"the lag between their clocks changes from {before:+.2f} s to {after:+.2f} s",
@@ -163,13 +156,13 @@ def latency(motion: Motion) -> None:
                 after - before,
                 at,
             )
-            motion.drop(roles)
+            exam.drop(roles)
             continue
         lag = _clear_lag(evidence, speed)
         if lag is None:
             continue
         if abs(lag.lag) > CLOCKS:
-            motion.add(
+            exam.add(
                 "clocks_differ",
                 (*roles, "imu.accel"),
                 f"lie {lag.lag:+.2f} s apart (correlation {abs(lag.r):.2f})",
@@ -179,22 +172,22 @@ def latency(motion: Motion) -> None:
             )
         elif abs(lag.lag) > LATENCY:
             way = "behind" if lag.lag > 0 else "ahead of"
-            motion.add(
+            exam.add(
                 "latency",
                 roles,
                 f"is {abs(lag.lag):.2f} s {way} the accelerations (correlation {abs(lag.r):.2f})",
                 f"add {lag.lag:.2f} s to its delay in the profile",
                 lag.lag,
             )
-        _shift(motion, roles, lag.lag)
+        _shift(exam, roles, lag.lag)
 
 
-def gyro_unit(motion: Motion) -> None:
+def gyro_unit(exam: Examination) -> None:
     """Degrees for radians, by the turn of the track, the wheels and the lateral acceleration."""
-    gyro, accel = motion.triad("gyro"), motion.triad("accel")
+    gyro, accel = exam.evidence.triad("gyro"), exam.evidence.triad("accel")
     if gyro is None:
         return
-    evidence = motion.evidence
+    evidence = exam.evidence
     ratios = []
     if evidence.course_rate is not None:
         target = evidence.band(evidence.course_rate)
@@ -212,23 +205,23 @@ def gyro_unit(motion: Motion) -> None:
     ratios = [ratio for ratio in ratios if np.isfinite(ratio) and ratio > 0]
     if ratios and min(ratios) > np.sqrt(DEGREES):
         roles = tuple(f"imu.gyro_{axis}" for axis in AXES)
-        motion.add(
+        exam.add(
             "unit",
             roles,
             f"turns {min(ratios):.0f} times faster than the car can",
             'its unit is deg/s, say unit = "deg/s" in the profile',
             DEGREES,
         )
-        motion.scale(roles, 1 / DEGREES)
+        exam.scale(roles, 1 / DEGREES)
 
 
-def angles(motion: Motion) -> None:
+def angles(exam: Examination) -> None:
     """Angles in degrees; a course that counts from north."""
-    evidence = motion.evidence
+    evidence = exam.evidence
     role = "steering.road_wheel_angle"
     if role in evidence and np.nanpercentile(np.abs(evidence[role]), 99) > MAX_ANGLE:
         largest = float(np.nanmax(np.abs(evidence[role])))
-        motion.add(
+        exam.add(
             "unit",
             role,
             f"reaches {largest:.1f} rad, which no road wheel does",
@@ -236,21 +229,21 @@ def angles(motion: Motion) -> None:
             "with scale",
             largest,
         )
-        motion.drop((role,))
+        exam.drop((role,))
     for role in ("gnss.course", "gnss.heading"):
         if role in evidence:
-            _course(motion, role)
+            _course(exam, role)
 
 
-def _course(motion: Motion, role: str) -> None:
+def _course(exam: Examination, role: str) -> None:
     """Whether an angle counts counterclockwise from east in radians, by the positions."""
-    track = motion.evidence.track
-    degrees = role in motion.degrees
+    track = exam.evidence.track
+    degrees = role in exam.degrees
     clockwise = False
     if track is not None:
-        given = motion.evidence[role]
+        given = exam.evidence[role]
         moving = np.isfinite(track[1]) & np.isfinite(given)
-        if moving.sum() >= 10 * motion.evidence.rate:
+        if moving.sum() >= 10 * exam.evidence.rate:
             fit = float(np.mean(np.cos(given - track[1])[moving]))
             other = float(np.mean(np.cos(np.pi / 2 - given - track[1])[moving]))
             clockwise = other > max(GOOD_FIT, fit + BETTER_FIT)
@@ -260,11 +253,11 @@ def _course(motion: Motion, role: str) -> None:
         advice = 'say unit = "deg"' if degrees else 'say unit = "rad"'
         if clockwise:
             advice += f", scale = -1.0, offset = {90.0 if degrees else np.pi / 2:.7g}"
-        motion.add("course", role, " and ".join(reads), advice)
+        exam.add("course", role, " and ".join(reads), advice)
 
 
-def _wheels(motion: Motion) -> None:
-    evidence = motion.evidence
+def _wheels(exam: Examination) -> None:
+    evidence = exam.evidence
     roles = [f"wheel_speeds.{w}" for w in WHEELS if f"wheel_speeds.{w}" in evidence]
     if len(roles) < 3:
         return
@@ -279,14 +272,14 @@ def _wheels(motion: Motion) -> None:
     for role, row in zip(roles, rows, strict=True):
         ratio = float(np.median(row[driving] / middle[driving]))
         if abs(ratio - 1) > WHEEL_TOLERANCE:
-            motion.add(
+            exam.add(
                 "wheel_speeds",
                 role,
                 f"is {ratio:.3f} times the median of the wheels",
                 f"another tire or a wrong scale: scale = {1 / ratio:.4f}, or leave it out",
                 ratio,
             )
-            motion.scale((role,), 1 / ratio if ratio else np.nan)
+            exam.scale((role,), 1 / ratio if ratio else np.nan)
 
 
 def _turn(evidence: Evidence) -> Floats | None:
@@ -295,8 +288,8 @@ def _turn(evidence: Evidence) -> Floats | None:
     return np.sqrt(np.sum(np.square(rates), axis=0)) if rates else None
 
 
-def _agree(motion: Motion, reference: tuple[str, Floats] | None) -> None:
-    sources = motion.evidence.speeds()
+def _agree(exam: Examination, reference: tuple[str, Floats] | None) -> None:
+    sources = exam.evidence.speeds()
     if reference is None and sources:
         name = "gnss.speed" if "gnss.speed" in sources else next(iter(sources))
         reference = (name, sources[name])
@@ -304,18 +297,18 @@ def _agree(motion: Motion, reference: tuple[str, Floats] | None) -> None:
         if reference is None or name == reference[0]:
             continue
         if reference[0] not in sources:
-            speed = motion.evidence.smooth(speed, TRACK_WIDTH)
+            speed = exam.evidence.smooth(speed, TRACK_WIDTH)
         ratio = _ratio(speed, reference[1])
         if ratio is not None and abs(ratio - 1) > SPEED_TOLERANCE:
-            roles = _roles_of(name, motion.evidence)
-            motion.add(
+            roles = _roles_of(name, exam.evidence)
+            exam.add(
                 "speeds_disagree",
                 roles,
                 f"is {ratio:.3f} times the speed by {reference[0]}",
                 f"a wrong tire radius or pulse count: scale = {1 / ratio:.4f}",
                 ratio,
             )
-            motion.scale(roles, 1 / ratio)
+            exam.scale(roles, 1 / ratio)
 
 
 def _track_speed(evidence: Evidence) -> tuple[str, Floats] | None:
@@ -418,12 +411,12 @@ def _moves(speed: Floats) -> bool:
     return bool((speed > MOVING).sum() >= 50)
 
 
-def _shift(motion: Motion, roles: tuple[str, ...], lag: float) -> None:
+def _shift(exam: Examination, roles: tuple[str, ...], lag: float) -> None:
     """Move signals to where they belong in time."""
-    steps = round(lag * motion.evidence.rate)
+    steps = round(lag * exam.evidence.rate)
     if not steps:
         return
-    signals = dict(motion.evidence.signals)
+    signals = dict(exam.evidence.signals)
     for role in roles:
         moved = np.roll(signals[role], -steps)
         if steps > 0:
@@ -431,4 +424,4 @@ def _shift(motion: Motion, roles: tuple[str, ...], lag: float) -> None:
         else:
             moved[:-steps] = np.nan
         signals[role] = moved
-    motion.evidence = Evidence(motion.evidence.rate, signals)
+    exam.evidence = Evidence(exam.evidence.rate, signals)

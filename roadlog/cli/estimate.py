@@ -102,23 +102,18 @@ def _estimate_log(
     log = DriveLog(path, profile)
     drive = log.drive(rate)
     vehicle = given or log.vehicle
-    skipped: dict[str, str] = {}
+    refused: dict[str, str] = {}
     if names:
         chosen = [estimators.get(name).name for name in dict.fromkeys(names)]
     else:
-        chosen = []
-        for estimator in estimators.all_estimators():
-            missing = estimator.missing(drive)
-            if missing:
-                skipped[estimator.name] = f"no {', no '.join(missing)}"
-            else:
-                chosen.append(estimator.name)
+        able, refused = estimators.runnable(drive)
+        chosen = [estimator.name for estimator in able]
     by_name = {estimators.get(name).name: values for name, values in settings.items()}
     unused = set(by_name) - set(chosen)
     if unused:
         raise typer.BadParameter(f"{', '.join(sorted(unused))} does not run", param_hint="--set")
     if not chosen:
-        reasons = "; ".join(f"{name}: {reason}" for name, reason in skipped.items())
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in refused.items())
         raise EstimatorError(f"{path}: no estimator can run. {reasons}")
     summaries = {}
 
@@ -135,7 +130,7 @@ def _estimate_log(
         "log": str(out or path),
         "duration_s": round(float(drive.time[-1]), 3),
         "estimates": summaries,
-        "cannot_run": skipped,
+        "cannot_run": refused,
     }
     return report, [f"{path}: {loss}" for loss in log.losses]
 

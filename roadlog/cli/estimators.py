@@ -18,7 +18,7 @@ def estimators(
 
     Example: roadlog estimators --json
     """
-    from roadlog.estimators import all_estimators
+    from roadlog.estimators import ALIASES, all_estimators
 
     found = all_estimators()
     if as_json:
@@ -26,7 +26,7 @@ def estimators(
             [
                 {
                     "name": e.name,
-                    "aliases": list(e.aliases),
+                    "aliases": [alias for alias, name in ALIASES.items() if name == e.name],
                     "summary": e.summary,
                     "needs": list(e.needs),
                     "gives": list(e.gives),

@@ -41,6 +41,13 @@ TABLE: dict[str, str] = {
     "imu_roll": "roadlog.estimators.ryu2004.gnss_ins:IMU_ROLL",
 }
 
+# other names of a method in its papers
+ALIASES = {
+    "kim": "static_slope",
+    "tire_ukf": "tfobe",
+    "tyre_ukf": "tfobe",
+    "grade_ukf": "tfobe",
+}
 ENTRY_POINTS = "roadlog.estimators"
 
 
@@ -49,20 +56,25 @@ def get(name: str) -> Estimator:
 
     Raises ConfigError with near names.
     """
+    name = ALIASES.get(name, name)
     if name in TABLE:
         return _load(TABLE[name])
     added = plugins.installed(ENTRY_POINTS, Estimator)
     if name in added:
         return added[name]
-    for estimator in all_estimators():
-        if name in estimator.aliases:
-            return estimator
     raise ConfigError(f"no estimator '{name}'. {near(name, [*TABLE, *added])}")
 
 
 def all_estimators() -> list[Estimator]:
     """Every estimator that ships with roadlog."""
     return [_load(target) for target in TABLE.values()]
+
+
+def runnable(drive: Drive | None) -> tuple[list[Estimator], dict[str, str]]:
+    """The estimators that can run on a drive, and name -> why not of all others."""
+    every = all_estimators()
+    refused = {e.name: reason for e in every if (reason := e.refusal(drive))}
+    return [e for e in every if e.name not in refused], refused
 
 
 def run(
@@ -78,10 +90,10 @@ def run(
     ConfigError for an unknown name or parameter.
     """
     estimator = get(name)
-    missing = estimator.missing(drive)
-    if missing:
+    reason = estimator.refusal(drive)
+    if reason:
         raise EstimatorError(
-            f"{estimator.name} cannot run: the drive has no {', no '.join(missing)}. "
+            f"{estimator.name} cannot run: the drive has {reason}. "
             f"Map the signal in the profile, or choose another estimator (`roadlog info`)"
         )
     params = estimator.configure(settings or {})

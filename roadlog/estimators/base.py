@@ -47,12 +47,16 @@ class Estimator:
     summary: str
     causal: bool = False
     vehicle: tuple[str, ...] = ()
-    aliases: tuple[str, ...] = ()
     systematic_deg: Mapping[str, float] = field(default_factory=dict)
 
-    def missing(self, drive: Drive) -> list[str]:
-        """The needs that the drive does not meet."""
-        return [need for need in self.needs if not _met(need, drive)]
+    def missing(self, drive: Drive | None) -> list[str]:
+        """The needs that the drive does not meet; all of them where there is no drive."""
+        return [need for need in self.needs if drive is None or not _met(need, drive)]
+
+    def refusal(self, drive: Drive | None) -> str:
+        """Why the method cannot run, as "no imu.accel_x, no speed"; empty where it can."""
+        needs = (need.replace("|", " or ") for need in self.missing(drive))
+        return ", ".join(f"no {need}" for need in needs)
 
     def with_systematic(self, estimate: Estimate) -> Estimate:
         """The estimate with `systematic_deg` in its standard deviations."""

@@ -18,6 +18,7 @@ from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
 PRICE = 0.3  # of correlation, for each assumption
+MIN_GAIN = 0.3  # of correlation that an explanation must win beyond its price
 TIE = 0.1  # explanations closer than this are told apart by nothing in the log
 UPRIGHT = 0.8  # cosine: within 37 deg of the axis, mountings by right angles are told apart
 
@@ -44,6 +45,32 @@ class Explanation:
 
 
 STRAIGHT = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """mean (3,): m/s2, median specific force of the sensor's axes, where all are known. best: None
+    where the log explains itself. rivals: other explanations that nothing in the log tells from
+    the best one."""
+
+    mean: Floats | None
+    best: Explanation | None
+    rivals: tuple[Explanation, ...] = ()
+
+
+def judge(evidence: Evidence) -> Verdict | None:
+    """Which explanation of the axes wins; None where there is no inertial sensor."""
+    if not any(role.startswith("imu.") for role in evidence.signals):
+        return None
+    accel = evidence.triad("accel")
+    mean: Floats | None = None
+    if accel is not None and np.isfinite(accel).any(axis=1).all():
+        mean = np.nanmedian(accel, axis=1)
+    best, *others = ranked = explain(evidence, mean)
+    plain = next(e for e in ranked if not e.turned and not e.reversed)
+    if best is plain or best.score - plain.score < MIN_GAIN:
+        return Verdict(mean, None)
+    return Verdict(mean, best, tuple(e for e in others if best.score - e.score < TIE))
 
 
 def explain(evidence: Evidence, mean: Floats | None) -> list[Explanation]:

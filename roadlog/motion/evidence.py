@@ -62,6 +62,13 @@ class Evidence:
             drive.rate / size, {role: _block_mean(x, size) for role, x in drive.signals.items()}
         )
 
+    def triad(self, kind: str) -> Floats | None:
+        """Three rows of accelerations or rates; None unless all axes are there."""
+        roles = [f"imu.{kind}_{axis}" for axis in AXES]
+        if not all(role in self for role in roles):
+            return None
+        return np.stack([self[role] for role in roles])
+
     def __contains__(self, role: str) -> bool:
         return role in self.signals
 

@@ -242,14 +242,9 @@ def _chosen(drive: Drive, options: Options, row: dict[str, Any]) -> list[str]:
     """The estimators to run; without a choice, those that can."""
     if options.estimators:
         return list(options.estimators)
-    chosen = []
-    for estimator in estimators.all_estimators():
-        missing = estimator.missing(drive)
-        if missing:
-            row["cannot_run"][estimator.name] = f"no {', no '.join(missing)}"
-        else:
-            chosen.append(estimator.name)
-    return chosen
+    able, refused = estimators.runnable(drive)
+    row["cannot_run"].update(refused)
+    return [estimator.name for estimator in able]
 
 
 def _facts(drive: Drive, metadata: Mapping[str, Mapping[str, str]]) -> dict[str, Any]:

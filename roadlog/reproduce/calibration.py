@@ -47,8 +47,8 @@ def calibration() -> Reproduction:
     judged = _simulated(*JUDGED)
     drive = _drive(judged)
     rows, better, total = [], 0, 0
-    for estimator in estimators.all_estimators():
-        if estimator.name in LEFT_OUT or estimator.missing(drive):
+    for estimator in estimators.runnable(drive)[0]:
+        if estimator.name in LEFT_OUT:
             continue
         runs = {label: _rmse_deg(estimator, drive, car, judged) for label, car in cars.items()}
         for angle in estimator.gives:

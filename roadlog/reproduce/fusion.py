@@ -111,8 +111,8 @@ def _run(
     """Add the metrics of every estimator that can run."""
     drive = Drive.from_tables(tables)
     truth = AngleTrack.from_table(simulation.table(TRUTH_TOPIC))
-    for estimator in estimators.all_estimators():
-        if estimator.missing(drive) or (names is not None and estimator.name not in names):
+    for estimator in estimators.runnable(drive)[0]:
+        if names is not None and estimator.name not in names:
             continue
         try:
             estimate = estimators.run(estimator.name, drive, vehicle)

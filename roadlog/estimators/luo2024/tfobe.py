@@ -268,5 +268,4 @@ TFOBE = Estimator(
         "roll_gradient",
         "driven",
     ),
-    aliases=("tire_ukf", "tyre_ukf", "grade_ukf"),
 )

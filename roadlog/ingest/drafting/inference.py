@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from roadlog import checks
 from roadlog.checks import motion
 from roadlog.drive import Drive
 from roadlog.errors import RoadlogError
@@ -17,7 +16,6 @@ from roadlog.ingest.drafting.draft import Draft, Guess
 from roadlog.ingest.profile import AXES, Profile
 from roadlog.motion import axes
 from roadlog.motion.evidence import Evidence, correlation
-from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY, UNITS
 
 STEERING_RATIO = 15.0  # steering wheel / road wheel, of a usual car
@@ -51,20 +49,20 @@ def by_data(draft: Draft) -> None:
         draft.put([guess.role], doubt=f"nothing states the unit: {guess.unit} is assumed")
 
 
-def _state(draft: Draft) -> motion.Motion | None:
+def _state(draft: Draft) -> motion.Examination | None:
     """The drive through the draft as it is, without validity of what is not in it."""
     try:
         profile = Profile.from_toml(draft.toml(), "draft")
         located, _ = mapping.locate(profile, draft.frames)
         tables = mapping.tables(mapping.signals(profile, located)[0])
         inputs = [t for t in tables if not t.topic.startswith("/truth")]
-        return motion.Motion(Evidence.of(Drive.from_tables(inputs)))
+        return motion.Examination(Evidence.of(Drive.from_tables(inputs)))
     except RoadlogError as error:
         draft.head.append(f"The data could not be looked at: {error}")
         return None
 
 
-def _speeds(draft: Draft, state: motion.Motion) -> None:
+def _speeds(draft: Draft, state: motion.Examination) -> None:
     """Units of speeds that nothing states: the acceleration on the axis that follows their slope.
 
     Weaker evidence than a check needs: here one of a few units must be chosen.
@@ -87,7 +85,7 @@ def _speeds(draft: Draft, state: motion.Motion) -> None:
         state.scale((role,), UNITS[unit][1])
 
 
-def _findings(draft: Draft, state: motion.Motion) -> None:
+def _findings(draft: Draft, state: motion.Examination) -> None:
     for finding in state.found:
         unit = re.search(r'unit = "([^"]+)"', finding.advice)
         stated = [g for g in draft.guesses if g.role in finding.signals and g.stated]
@@ -102,29 +100,23 @@ def _findings(draft: Draft, state: motion.Motion) -> None:
             draft.put(finding.signals, doubt=f"check: {finding.found} ({finding.advice})")
 
 
-def _mount(draft: Draft, state: motion.Motion) -> None:
+def _mount(draft: Draft, state: motion.Examination) -> None:
     """The mounting and the signs that explain the drive best."""
-    accel = state.triad("accel")
-    mean: Floats | None = None
-    if accel is not None and np.isfinite(accel).any(axis=1).all():
-        mean = np.nanmedian(accel, axis=1)
-    if not any(role.startswith("imu.") for role in state.evidence.signals):
+    verdict = axes.judge(state.evidence)
+    if verdict is None:
         return
-    ranked = axes.explain(state.evidence, mean)
-    best = ranked[0]
-    plain = next(e for e in ranked if not e.turned and not e.reversed)
-    if best is plain or best.score - plain.score < checks.MIN_GAIN:
+    mean, best = verdict.mean, verdict.best
+    if best is None:
         draft.notes.append("The sensor's axes are taken as x forward, y left, z up:")
         if mean is not None and abs(mean[2]) < axes.UPRIGHT * np.linalg.norm(mean):
             draft.notes.append("but gravity is not on z, and the drive does not show the mounting;")
         draft.notes.append("nothing in the drive says otherwise.")
         return
-    rivals = [e for e in ranked[1:] if best.score - e.score < axes.TIE and e.turned]
     if best.turned:
         draft.mount = best.toml()
         draft.notes.append("by gravity, speed and turns of this drive; angles beyond right ones")
         draft.notes.append("are what `roadlog calibrate` finds")
-        draft.notes += [f"as good: mount = {rival.toml()}" for rival in rivals]
+        draft.notes += [f"as good: mount = {r.toml()}" for r in verdict.rivals if r.turned]
     if best.reversed == ("imu.accel",):
         roles = [f"imu.accel_{axis}" for axis in AXES]
         draft.put(roles, scale=-1.0, doubt="gravity reads down, as on iOS: all signs turned")
