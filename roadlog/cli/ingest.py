@@ -22,7 +22,12 @@ def ingest(
         typer.Option(metavar="NAME|FILE", help="What the source's names mean; see `profiles`."),
     ] = None,
     dbc: Annotated[
-        list[Path] | None, typer.Option(metavar="F", help="DBC file for raw CAN; repeatable.")
+        list[Path] | None,
+        typer.Option(
+            metavar="[BUS=]F",
+            help="DBC (ARXML, KCD, SYM) file for raw CAN, of one bus (can0=F, 1=F) or all; "
+            "repeatable.",
+        ),
     ] = None,
     truth_from: Annotated[
         str | None,
@@ -39,6 +44,13 @@ def ingest(
             help="Add to a source's clock instead of an estimate; without FILE, to the second's.",
         ),
     ] = None,
+    timezone: Annotated[
+        str,
+        typer.Option(
+            metavar="ZONE",
+            help="Of sources whose stamps are in a local time: Europe/Berlin or +01:00.",
+        ),
+    ] = "",
     vehicle: Annotated[Path | None, typer.Option(help="Vehicle file to keep in the log.")] = None,
 ) -> None:
     """Turn what the logger wrote into one MCAP drive log.
@@ -56,7 +68,7 @@ def ingest(
         raise typer.BadParameter("must be gnss or a file", param_hint="--truth-from")
     given = Vehicle.load(vehicle) if vehicle else None
     offsets = _offsets(time_offset or [], sources)
-    result = read(sources, profile, dbc or [], truth_from, offsets)
+    result = read(sources, profile, dbc or [], truth_from, offsets, timezone)
     create(out, result.tables, result.metadata, given)
     _print(result, out)
     console.warn_losses(result.losses)

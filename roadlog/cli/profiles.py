@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -28,7 +29,8 @@ def new(
         Path | None, typer.Option("-o", "--out", metavar="P.toml", help="Write it here.")
     ] = None,
     dbc: Annotated[
-        list[Path] | None, typer.Option(metavar="F", help="DBC file for raw CAN; repeatable.")
+        list[Path] | None,
+        typer.Option(metavar="[BUS=]F", help="DBC file for raw CAN; repeatable."),
     ] = None,
 ) -> None:
     """Write a profile to start from, by names, units and the data itself.
@@ -47,9 +49,10 @@ def new(
         console.say(text.rstrip())
         return
     write(out, text, force=False)
-    places = " ".join(str(source) for source in sources)
+    words = ["roadlog", "ingest", *map(str, sources), "-o", "drive.mcap", "--profile", str(out)]
+    words += [word for path in dbc or [] for word in ("--dbc", str(path))]
     console.say(f"{out}: check its comments, then")
-    console.say(f"roadlog ingest {places} -o drive.mcap --profile {out}")
+    console.say(shlex.join(words))
 
 
 def profiles(

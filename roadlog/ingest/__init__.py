@@ -13,6 +13,7 @@ from roadlog.ingest import clocks, mapping
 from roadlog.ingest.formats import format_of, understood
 from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.parsers import readable
+from roadlog.ingest.formats.times import zone_of
 from roadlog.ingest.frame import Frame, Recording, joined
 from roadlog.ingest.mapping import Mapped
 from roadlog.ingest.profile import Profile, fitting, shipped
@@ -50,6 +51,14 @@ class Source:
     format: Format
     profile: Profile
 
+    def in_zone(self, timezone: str) -> Source:
+        """The same with another zone of local stamps. Raises ConfigError for no zone."""
+        if not timezone:
+            return self
+        zone_of(timezone)
+        clock = replace(self.profile.clock, zone=timezone)
+        return replace(self, profile=replace(self.profile, clock=clock))
+
     def read(self, dbc: Sequence[Path]) -> Recording:
         """What it holds. Raises LogReadError, ConfigError, MissingExtraError."""
         with readable(self.path):
@@ -62,19 +71,21 @@ def ingest(
     dbc: Sequence[Path] = (),
     truth_from: str | Path | None = None,
     time_offsets: Mapping[str, float] | None = None,
+    timezone: str = "",
 ) -> IngestResult:
     """Read the sources of one drive and map them.
 
     A folder that is no format of its own stands for the files in it. profile: a Profile, a file,
     the name of a shipped one, or None where each source says what it is. dbc: databases for raw
-    CAN frames. truth_from: a reference grade, from the altitude (`gnss`)
+    CAN frames, `BUS=FILE` for one bus. truth_from: a reference grade, from the altitude (`gnss`)
     or a surveyed table (a file). time_offsets: file name -> s
-    to add to its clock, instead of an estimate. Raises LogReadError for an unreadable source,
-    ConfigError for a profile that does not fit.
+    to add to its clock, instead of an estimate. timezone: of sources whose stamps are in a local
+    time, `Europe/Berlin` or `+01:00`. Raises LogReadError for an unreadable source, ConfigError
+    for a profile that does not fit.
     """
     given = Profile.load(profile) if isinstance(profile, (str, Path)) else profile
     paths, databases, ignored = expanded([Path(source) for source in sources], dbc)
-    opened = [open_source(path, given, databases) for path in paths]
+    opened = [open_source(path, given, databases).in_zone(timezone) for path in paths]
     recordings = [source.read(databases) for source in opened]
     profiles = list({source.profile.name: source.profile for source in opened}.values())
     groups, mapped, over, lacking = [], [], [], []

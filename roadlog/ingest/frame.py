@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,8 @@ class Frame:
     name: of the message or topic, empty where the file holds only one table. file: name of the
     source file. time: ns. columns: source name -> values as the source has them, NaN where there
     is none. units: as the source states them, where it does. kind: the type of the message where
-    topics have one (`sensor_msgs/Imu`).
+    topics have one (`sensor_msgs/Imu`). also: other names of the message, with or without its bus
+    and sender (`CAN1.Motion` and `Motion`).
     """
 
     name: str
@@ -28,15 +29,16 @@ class Frame:
     columns: Mapping[str, NDArray]
     units: Mapping[str, str] = field(default_factory=dict)
     kind: str = ""
+    also: frozenset[str] = frozenset()
 
     @property
-    def key(self) -> tuple[str, str, tuple[str, ...]]:
+    def key(self) -> tuple[frozenset[str], str, tuple[str, ...]]:
         """What frames of one logger have in common, however many files it wrote."""
-        return self.name, self.kind, tuple(self.columns)
+        return self.also | {self.name}, self.kind, tuple(self.columns)
 
     def full(self, column: str) -> tuple[str, ...]:
         """A column's names with the frame's."""
-        return f"{self.name}.{column}", f"{self.kind}.{column}"
+        return tuple(f"{name}.{column}" for name in (self.name, self.kind, *sorted(self.also)))
 
     def __len__(self) -> int:
         return len(self.time)
@@ -56,7 +58,7 @@ def joined(frames: Iterable[Frame]) -> list[Frame]:
 
     Frames that overlap in time are different sensors of the same layout and stay apart.
     """
-    chains: dict[tuple[str, str, tuple[str, ...]], list[list[Frame]]] = {}
+    chains: dict[tuple[frozenset[str], str, tuple[str, ...]], list[list[Frame]]] = {}
     ends: dict[int, int] = {}
     for frame in sorted((f for f in frames if len(f)), key=lambda f: int(f.time.min())):
         lines = chains.setdefault(frame.key, [])
@@ -81,7 +83,7 @@ def _concatenated(group: list[Frame]) -> Frame:
 
     files = ", ".join(dict.fromkeys(frame.file for frame in group))
     columns = {name: column(name) for name in group[0].columns}
-    return Frame(group[0].name, files, time, columns, group[0].units, group[0].kind)
+    return replace(group[0], file=files, time=time, columns=columns)
 
 
 def unread(name: str, file: str, columns: Iterable[str], kind: str = "") -> Frame:

@@ -24,7 +24,7 @@ from roadlog.units import to_si
 
 AXES = "xyz"
 CLOCKS = ("log", "publish", "header")
-TIME_KEYS = ("column", "unit", "clock")
+TIME_KEYS = ("column", "unit", "clock", "zone")
 ENTRY_KEYS = ("from", "file", "unit", "scale", "offset", "delay", "valid")
 ORTHOGONAL = 1e-3  # how far a mount matrix may be from a rotation: three printed digits
 
@@ -49,11 +49,15 @@ class AbsentError(ConfigError):
 
 @dataclass(frozen=True)
 class Clock:
-    """The `[time]` section: which column of a table, in which unit; which stamp of an MCAP."""
+    """The `[time]` section: which column of a table, in which unit; which stamp of an MCAP.
+
+    zone: of stamps that are in a local time.
+    """
 
     column: str = ""
     unit: str = ""
     clock: str = "log"
+    zone: str = ""
 
 
 @dataclass(frozen=True)

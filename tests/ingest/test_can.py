@@ -9,7 +9,7 @@ import pytest
 
 from roadlog.errors import LogReadError
 from roadlog.ingest import ingest
-from roadlog.ingest.formats import can, obd
+from roadlog.ingest.formats import can
 
 cantools = pytest.importorskip("cantools")
 python_can = pytest.importorskip("can")
@@ -60,7 +60,7 @@ def test_columns_equal_what_cantools_decodes_frame_by_frame(dbc, identifier):
         payload[:, 0] = payload[:, 0] % 2  # pages 0 and 1
     messages = can.load([dbc])
     (frame,) = can.decode(frames_of(identifier, payload), messages, "x").frames
-    message = next(m for m in messages if m.name == frame.name)
+    message = next(m.message for m in messages if m.message.name == frame.name)
     for row, data in enumerate(payload):
         expected = message.decode(bytes(data), decode_choices=False)
         for name, column in frame.columns.items():
@@ -153,7 +153,7 @@ def test_obd_answers_follow_the_standard():
         [[3, 0x41, 0x0D, 50, 0, 0, 0, 0], [4, 0x41, 0x0C, 0x1A, 0xF8, 0, 0, 0]], np.uint8
     )
     found = {}
-    for frame in obd.answers(np.array([0, 1]), data, "x"):
+    for frame in can.decode(frames_of(0x7E8, data), [], "x").frames:
         found |= {name: values.tolist() for name, values in frame.columns.items()}
     assert found == {"VehicleSpeed": [50.0], "EngineSpeed": [1726.0]}
 

@@ -15,12 +15,12 @@ ENTRY_POINTS = "roadlog.formats"
 BUILT_IN = (
     "comma2k19",
     "kitti",
+    "can_trace",
     "ros",
     "mcap",
     "mdf",
     "parquet",
     "obd",
-    "can_trace",
     "csv",
 )
 

@@ -1,18 +1,20 @@
-"""CAN traces: BLF, ASC, TRC and candump logs (python-can), decoded with DBC files."""
+"""CAN traces: BLF and SQLite (python-can) and text of every dialect, decoded with databases."""
 
 from __future__ import annotations
 
 import re
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from roadlog.errors import LogReadError, MissingExtraError
-from roadlog.ingest.formats import can
+from roadlog.ingest.formats import can, times
 from roadlog.ingest.formats.base import Format
+from roadlog.ingest.formats.can_database import bus_name
+from roadlog.ingest.formats.can_text import DIALECTS, UNSTAMPED, Line, Trace
 from roadlog.ingest.formats.parsers import guarded
 from roadlog.ingest.frame import Recording
 from roadlog.ingest.profile import Profile
@@ -21,26 +23,30 @@ from roadlog.spool import ROWS
 PAYLOAD = 64  # bytes, CAN FD
 HEAD = 4096  # bytes looked at
 BLF = b"LOGG"
-# what a line of each text format looks like, and of its header
-MARKS = {
-    "ASCReader": rb"^(base (hex|dec)  ?timestamps|date [A-Z][a-z]{2} .*\n(//.*\n)*base )",
-    "TRCReader": rb"^;\$(FILEVERSION|STARTTIME)=",
-    "CanutilsLogReader": rb"^\(\d+\.\d+\) +\S+ +[0-9A-Fa-f]{3,8}#",
-}
+SQLITE = b"SQLite format 3\0"
+TABLE = b"arbitration_id"  # a column of python-can's table, in the text that made it
 
 
 def recognizes(path: Path) -> bool:
     """Whether the file begins as one of the trace formats does."""
-    return path.is_file() and _reader(path) is not None
+    if not path.is_file():
+        return False
+    head = _head(path)
+    return bool(
+        head.startswith(BLF)
+        or (head.startswith(SQLITE) and TABLE in head)
+        or UNSTAMPED.match(head)
+        or _dialect(head)
+    )
 
 
-def _reader(path: Path) -> str | None:
-    """The reader class of python-can."""
+def _head(path: Path) -> bytes:
     with path.open("rb") as file:
-        head = file.read(HEAD)
-    if head.startswith(BLF):
-        return "BLFReader"
-    return next((name for name, mark in MARKS.items() if re.search(mark, head, re.M)), None)
+        return file.read(HEAD).removeprefix(b"\xef\xbb\xbf")
+
+
+def _dialect(head: bytes) -> Callable[[Trace], Iterator[Line]] | None:
+    return next((d for mark, d in DIALECTS.items() if re.search(mark, head, re.M | re.I)), None)
 
 
 def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
@@ -50,37 +56,65 @@ def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
 
 
 def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
-    """Decoded messages. A trace that ends in the middle gives what comes before, and a loss."""
+    """Decoded messages. A trace that ends in the middle gives what comes before, and a loss.
+
+    Raises LogReadError, MissingExtraError.
+    """
+    head = _head(path)
+    if UNSTAMPED.match(head):
+        raise LogReadError(f"{path}: frames without stamps: record with `candump -L` or -t a")
+    trace = Trace(path, profile.clock.zone)
+    losses: list[str] = []
+    dialect = _dialect(head)
+    lines = dialect(trace) if dialect else _binary(path, head, profile.clock.zone, losses)
+    known = can.load(dbc)
+    decoder: can.Decoder | None = None
+    for frames in _batches(lines, path, losses):
+        decoder = decoder or can.Decoder(known, path.name, profile, trace.loose)
+        decoder.add(frames)
+    assert decoder is not None  # there is a last batch
+    decoded = decoder.recording()
+    if trace.bad:
+        losses.append(f"{path.name}: {trace.bad} lines are no frames that are understood")
+    return Recording(decoded.frames, (*losses, *decoded.losses), (*trace.notes, *decoded.notes))
+
+
+def _binary(path: Path, head: bytes, zone: str, losses: list[str]) -> Iterator[Line]:
+    """Data frames of a BLF or SQLite log."""
     try:
         import can as python_can
     except ImportError:
         raise MissingExtraError("a CAN trace", "can") from None
-    decoder = can.Decoder(can.load(dbc), path.name, profile)
-    losses: list[str] = []
-    for frames in _batches(python_can, path, losses):
-        decoder.add(frames)
-    decoded = decoder.recording()
-    return Recording(decoded.frames, (*losses, *decoded.losses), decoded.notes)
-
-
-def _batches(python_can: Any, path: Path, losses: list[str]) -> Iterator[can.CanFrames]:
-    """Data frames in batches of ROWS. Raises LogReadError when there is none."""
-    name = _reader(path)
-    assert name is not None  # `recognizes` was asked
-    # ASC: stamps with the date of its header, in the machine's zone as the format has it
-    options = {"relative_timestamp": False} if name == "ASCReader" else {}
-    batch = _Batch()
-    count = 0
-    broken: list[str] = []
-    with guarded(path, "a CAN trace", broken), getattr(python_can, name)(path, **options) as reader:
+    blf = head.startswith(BLF)
+    with (python_can.BLFReader if blf else python_can.SqliteReader)(path) as reader:
         promised = getattr(reader, "file_size", 0)  # BLF: what its header says
         if promised > path.stat().st_size:
             share = path.stat().st_size / promised
             losses.append(f"{path.name}: cut short: {share:.0%} of the file is there")
+        shift: int | None = None if zone and blf else 0
         for frame in reader:
             if frame.is_error_frame or frame.is_remote_frame:
                 continue
-            batch.add(frame)
+            stamp = round(frame.timestamp * 1e9)
+            if shift is None:
+                shift, _ = times.local(stamp, zone, path.name)
+            mark = can.EXTENDED if frame.is_extended_id else 0
+            yield stamp - shift, _bus(frame, blf), frame.arbitration_id | mark, bytes(frame.data)
+
+
+def _bus(frame: Any, blf: bool) -> str:
+    """BLF counts channels from 1, python-can from 0; its SQLite keeps none."""
+    return bus_name(frame.channel + 1) if blf else ""
+
+
+def _batches(lines: Iterator[Line], path: Path, losses: list[str]) -> Iterator[can.CanFrames]:
+    """Frames in batches of ROWS. Raises LogReadError when there is none."""
+    batch = _Batch()
+    count = 0
+    broken: list[str] = []
+    with guarded(path, "a CAN trace", broken):
+        for line in lines:
+            batch.add(line)
             count += 1
             if len(batch) == ROWS:
                 yield batch.frames()
@@ -92,22 +126,27 @@ def _batches(python_can: Any, path: Path, losses: list[str]) -> Iterator[can.Can
 
 
 class _Batch:
-    """Frames of python-can as they come."""
+    """Frames as they come."""
 
     def __init__(self) -> None:
         self.time, self.identifier, self.length = array("q"), array("L"), array("B")
         self.payload = bytearray()
+        self.bus = array("B")
+        self.buses: dict[str, int] = {}
 
     def __len__(self) -> int:
         return len(self.length)
 
-    def add(self, frame: Any) -> None:
+    def add(self, line: Line) -> None:
         """One data frame."""
-        data = bytes(frame.data)
+        time, bus, identifier, data = line
         if len(data) > PAYLOAD:
             raise ValueError(f"a frame of {len(data)} bytes")
-        self.time.append(round(frame.timestamp * 1e9))
-        self.identifier.append(frame.arbitration_id | (can.EXTENDED if frame.is_extended_id else 0))
+        if not abs(time) < times.LAST_STAMP:
+            raise ValueError(f"a stamp of {time} ns")
+        self.time.append(time)
+        self.bus.append(self.buses.setdefault(bus, len(self.buses)))
+        self.identifier.append(identifier)
         self.payload += data.ljust(PAYLOAD, b"\0")
         self.length.append(len(data))
 
@@ -119,6 +158,8 @@ class _Batch:
             np.array(self.identifier[:n], np.uint32),
             np.frombuffer(bytes(self.payload[: n * PAYLOAD]), np.uint8).reshape(-1, PAYLOAD),
             np.array(self.length, np.uint8),
+            np.array(self.bus[:n], np.uint8),
+            tuple(self.buses) or ("",),
         )
 
 

@@ -1,4 +1,4 @@
-"""OBD-II: the standard parameters (SAE J1979 service 01), on CAN and in text logs of phone apps."""
+"""OBD-II: the standard parameters (SAE J1979 service 01), and text logs of phone apps."""
 
 from __future__ import annotations
 
@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roadlog.errors import LogReadError
 from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.times import LAST_STAMP
 from roadlog.ingest.frame import Frame, Recording
 from roadlog.ingest.profile import Profile
-from roadlog.types import Floats, Stamps
+from roadlog.types import Floats
 
 POSITIVE = 0x41  # answer to service 01
 FRAME = "OBD"  # name of the frames that hold its parameters
@@ -39,21 +38,7 @@ PARAMETERS = {
     0x62: Parameter("ActualTorque", "%", lambda a, _: a - 125),
     0x63: Parameter("ReferenceTorque", "N m", lambda a, b: 256 * a + b),
 }
-
-
-def answers(time: Stamps, data: NDArray[np.uint8], file: str) -> list[Frame]:
-    """One frame for each known parameter among single-frame answers of service 01."""
-    found: list[Frame] = []
-    if data.shape[1] < 5:
-        return found
-    for number, parameter in PARAMETERS.items():
-        rows = (data[:, 1] == POSITIVE) & (data[:, 2] == number) & (data[:, 0] <= 7)
-        if rows.any():
-            a, b = data[rows, 3].astype(np.float64), data[rows, 4].astype(np.float64)
-            columns = {parameter.name: parameter.value(a, b)}
-            units = {parameter.name: parameter.unit}
-            found.append(Frame(FRAME, file, time[rows], columns, units))
-    return found
+UNITS = {parameter.name: parameter.unit for parameter in PARAMETERS.values()}
 
 
 def recognizes(path: Path) -> bool:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from datetime import UTC, datetime
+from contextlib import suppress
+from datetime import UTC, datetime, timedelta, timezone, tzinfo
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,6 +129,15 @@ def from_texts(texts: Sequence[str], where: str, before: int = 0) -> tuple[Stamp
     return result[keep], keep
 
 
+def of_text(text: str) -> int | None:
+    """ns since the epoch of one date and time as if in UTC; None for none."""
+    match = _CLOCK.match(text)
+    minute = _minute(match[1], match[4]) if match else None
+    if match is None or minute is None:
+        return None
+    return minute + int(match[2]) * 10**9 + int((match[3] or "0")[:9].ljust(9, "0"))
+
+
 def _minute(head: str, tail: str) -> int | None:
     """ns of a moment without its seconds: `2019-05-24T18:11` and `Z`; None for no such moment."""
     tail = tail.strip()
@@ -174,3 +185,36 @@ def guess_unit(values: Floats) -> str:
         f'the unit of the time column is not clear (step {step:g}); give [time] unit = "s" or '
         f'"ms" in the profile'
     )
+
+
+def unit_stated(*units: str) -> str:
+    """The first of some units that is one of time; empty for none."""
+    for unit in units:
+        with suppress(ConfigError):
+            if unit and to_si(unit, "s"):
+                return unit
+    return ""
+
+
+def local(moment: int, zone: str, where: str) -> tuple[int, str]:
+    """ns by which a clock without a zone is ahead of UTC at a moment of its own, and a sentence.
+
+    zone: `Europe/Berlin` or `+01:00`; empty for unknown, taken as UTC. Raises ConfigError.
+    """
+    if not zone:
+        said = "its stamps are in a local time without a zone, taken as UTC (--timezone ZONE)"
+        return 0, f"{where}: {said}"
+    at = datetime.fromtimestamp(moment // 10**9, UTC).replace(tzinfo=zone_of(zone))
+    ahead = at.utcoffset() or timedelta(0)
+    return round(ahead.total_seconds()) * 10**9, f"{where}: its stamps are taken in {zone}"
+
+
+def zone_of(text: str) -> tzinfo:
+    """A zone by its name or its distance from UTC. Raises ConfigError."""
+    if match := re.fullmatch(r"(?:UTC|GMT)?([+-])(\d{1,2}):?(\d{2})?", text.strip()):
+        ahead = timedelta(hours=int(match[2]), minutes=int(match[3] or 0))
+        return timezone(-ahead if match[1] == "-" else ahead)
+    try:
+        return ZoneInfo(text.strip())
+    except (ZoneInfoNotFoundError, ValueError, OSError):
+        raise ConfigError(f"'{text}' is no time zone: write Europe/Berlin or +01:00") from None
