@@ -209,18 +209,18 @@ class Decoder:
         ]
         return {
             "multiplexed": [s.message.name for s in streams if s.message.is_multiplexed()],
+            "never valid": [
+                f"{s.message.name}.{signal.name} ({why})"
+                for s in streams
+                for signal in s.signals
+                if (why := signal.idle())
+            ],
+            "outside of its message": [f"{s.message.name}.{n}" for s in streams for n in s.outside],
+            "no value (frames)": none,
+            "shorter than said": short,
             "on several buses, kept apart": _shared(heard),
             "of several senders, kept apart": self._senders(),
             "answered by several devices, the first taken": shared,
-            "no value (frames)": none,
-            "shorter than said": short,
-            "never valid": [
-                f"{s.message.name}.{g.name} ({why})"
-                for s in streams
-                for g in s.signals
-                if (why := g.idle())
-            ],
-            "outside of its message": [f"{s.message.name}.{n}" for s in streams for n in s.outside],
             "in two databases": rivals,
             "no such bus in the trace": self.messages.missing([h.bus for h in heard]),
         }

@@ -60,13 +60,17 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
 
     Raises LogReadError, MissingExtraError.
     """
+    try:
+        import can as python_can
+    except ImportError:
+        raise MissingExtraError("a CAN trace", "can") from None
     head = _head(path)
     if UNSTAMPED.match(head):
         raise LogReadError(f"{path}: frames without stamps: record with `candump -L` or -t a")
     trace = Trace(path, profile.clock.zone)
     losses: list[str] = []
     dialect = _dialect(head)
-    lines = dialect(trace) if dialect else _binary(path, head, profile.clock.zone, losses)
+    lines = dialect(trace) if dialect else _binary(python_can, path, losses, profile.clock.zone)
     known = can.load(dbc)
     decoder: can.Decoder | None = None
     for frames in _batches(lines, path, losses):
@@ -79,13 +83,9 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     return Recording(decoded.frames, (*losses, *decoded.losses), (*trace.notes, *decoded.notes))
 
 
-def _binary(path: Path, head: bytes, zone: str, losses: list[str]) -> Iterator[Line]:
+def _binary(python_can: Any, path: Path, losses: list[str], zone: str) -> Iterator[Line]:
     """Data frames of a BLF or SQLite log."""
-    try:
-        import can as python_can
-    except ImportError:
-        raise MissingExtraError("a CAN trace", "can") from None
-    blf = head.startswith(BLF)
+    blf = _head(path).startswith(BLF)
     with (python_can.BLFReader if blf else python_can.SqliteReader)(path) as reader:
         promised = getattr(reader, "file_size", 0)  # BLF: what its header says
         if promised > path.stat().st_size:
