@@ -9,10 +9,10 @@ demo: $(VENV)/runs
 	$(BIN)/roadlog demo
 
 test: $(VENV)/installed
-	$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 test-all: $(VENV)/installed
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -m "" -n 2 --dist loadfile
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check .
