@@ -1,0 +1,155 @@
+"""The shape of the house, by its source: who may import whom, and how large a room may be."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from support.drives import ROOT
+
+# Lower imports nothing higher, at the top of a module or inside a function. `log` is the door to
+# what is above it in a reader's mind (estimators, ingest, both imported when asked for), so it
+# stands on them; `metrics` compares what a log holds.
+LAYERS = (
+    ("errors", "types", "version"),
+    ("toml", "units", "signals", "columnar", "memory", "files", "extras", "plugins", "csv_text"),
+    ("spool", "geo", "rotation"),
+    ("storage",),
+    ("drive", "location_fix"),
+    ("estimate",),
+    ("filters",),
+    ("car", "motion"),
+    ("estimators", "checks", "simulate"),
+    ("calibrate", "ingest"),
+    ("log",),
+    ("metrics", "summary", "export", "roadlog"),
+    ("view", "reproduce", "doctor"),
+    ("report",),
+    ("cli",),
+    ("__main__",),
+)
+MAX_MODULE, MAX_FUNCTION = 400, 60  # lines
+# Compiled loops and right-hand sides, that calls in pieces would only hide.
+COMPILED: set[str] = set()
+# What is too long today; to be emptied.
+LONG_MODULES = {
+    "checks.motion",
+    "estimators.kim2023.stop_windows",
+    "reproduce.kim2023",
+    "simulate.scenarios",
+}
+LONG_FUNCTIONS = {
+    "calibrate.drive.calibrate_drive",
+    "cli.estimate.estimate",
+    "cli.report.report",
+    "ingest.formats.numbers.parse",
+    "reproduce.kim2023.run",
+    "simulate.car.derivative",
+    "simulate.scenarios._luo",
+    "view.model.drive_view",
+}
+MAGIC = b"\x89MCAP0\r\n"  # only storage knows the bytes of MCAP
+
+
+def modules() -> dict[str, Path]:
+    """Dotted name below roadlog -> file; a package goes by its own name, `roadlog` is the root."""
+    found = {}
+    for path in sorted((ROOT / "roadlog").rglob("*.py")):
+        parts = path.relative_to(ROOT / "roadlog").with_suffix("").parts
+        found[".".join(part for part in parts if part != "__init__") or "roadlog"] = path
+    return found
+
+
+MODULES = modules()
+TREES = {name: ast.parse(path.read_bytes()) for name, path in MODULES.items()}
+
+
+def imports(name: str, top: bool) -> Iterator[str]:
+    """Modules of roadlog that a module imports; `top`: when it is itself imported."""
+    for node in _run_on_import(TREES[name]) if top else ast.walk(TREES[name]):
+        if isinstance(node, ast.Import):
+            yield from (_module(alias.name) for alias in node.names if _is_own(alias.name))
+        elif isinstance(node, ast.ImportFrom) and _is_own(node.module or ""):
+            yield from (_module(f"{node.module}.{alias.name}") for alias in node.names)
+
+
+def _run_on_import(tree: ast.Module) -> Iterator[ast.stmt]:
+    for node in tree.body:
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            continue
+        yield node
+
+
+def _is_own(module: str) -> bool:
+    return module.split(".")[0] == "roadlog"
+
+
+def _module(dotted: str) -> str:
+    """The module that holds a dotted name."""
+    parts = dotted.split(".")[1:]
+    while parts and ".".join(parts) not in MODULES:
+        parts.pop()
+    return ".".join(parts) or "roadlog"
+
+
+def rank(name: str) -> int:
+    top = name.split(".")[0]
+    return next(i for i, layer in enumerate(LAYERS) if top in layer)
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_nothing_lower_imports_higher(name: str) -> None:
+    if name == "roadlog":
+        return  # the front door, empty but for names that are looked up when asked for
+    own, room = rank(name), name.split(".")[0]
+    higher = [
+        used
+        for used in imports(name, top=False)
+        if used != "roadlog" and used.split(".")[0] != room and rank(used) >= own
+    ]
+    assert not higher
+
+
+def test_no_circle() -> None:
+    """Importing any module never comes back to it."""
+    done: set[str] = set()
+
+    def visit(name: str, path: tuple[str, ...]) -> None:
+        assert name not in path, " -> ".join((*path, name))
+        if name not in done:
+            for used in set(imports(name, top=True)) - {name, "roadlog"}:
+                visit(used, (*path, name))
+            done.add(name)
+
+    for name in MODULES:
+        visit(name, ())
+
+
+@pytest.mark.parametrize("name", [n for n in MODULES if n.split(".")[0] != "storage"])
+def test_only_storage_knows_mcap(name: str) -> None:
+    """Neither its magic nor a library that reads it."""
+    for node in ast.walk(TREES[name]):
+        if isinstance(node, ast.Constant) and isinstance(node.value, bytes):
+            assert MAGIC not in node.value
+        elif isinstance(node, ast.ImportFrom):
+            assert (node.module or "").split(".")[0] != "mcap"
+        elif isinstance(node, ast.Import):
+            assert all(alias.name.split(".")[0] != "mcap" for alias in node.names)
+
+
+def test_no_room_is_too_large() -> None:
+    long = {n for n, path in MODULES.items() if len(path.read_text().splitlines()) > MAX_MODULE}
+    assert long == LONG_MODULES
+
+
+def test_no_function_is_too_long() -> None:
+    long = {
+        f"{name}.{node.name}"
+        for name, tree in TREES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        and (node.end_lineno or 0) - node.lineno + 1 > MAX_FUNCTION
+    }
+    assert long == LONG_FUNCTIONS | COMPILED
