@@ -119,9 +119,9 @@ def coarse(drive: Drive) -> Coarse:
         return best if told else replace(best, delay=np.nan)
     if up[2] < np.cos(UPRIGHT):
         raise EstimatorError(
-            f"cannot calibrate: which way the IMU points does not show. Its horizontal "
+            f"cannot calibrate: the heading of the IMU is not observable. Its horizontal "
             f"accelerations agree with those of the speed to {100 * best.coherence:.0f} %, which "
-            f"tells forward to {np.degrees(best.yaw_sd):.0f} deg ({100 * COHERENCE:.0f} % and "
+            f"gives forward to {np.degrees(best.yaw_sd):.0f} deg ({100 * COHERENCE:.0f} % and "
             f"{np.degrees(YAW_SD):.0f} deg needed). Drive with braking, accelerating or turns, or "
             f"check that IMU and speed share a clock"
         )

@@ -72,7 +72,7 @@ def _axes(state: motion.Examination) -> None:
             found = "gravity reads down"
             other = (
                 f" (or else the sensor hangs upside down and backward, mount = {hanging.toml()}: "
-                f"nothing in the log tells left from right)"
+                f"left and right are not observable in this log)"
             )
         state.add(
             "sign",
@@ -94,7 +94,7 @@ def _axes(state: motion.Examination) -> None:
 
 
 def _or(others: list[str]) -> str:
-    return f" (or else {', '.join(others)}: nothing in the log tells which)" if others else ""
+    return f" (or else {', '.join(others)}: not observable in this log)" if others else ""
 
 
 def _mount(state: motion.Examination, best: axes.Explanation, mean: Floats | None) -> None:
@@ -119,6 +119,6 @@ def _tilt(state: motion.Examination, mean: Floats) -> None:
             "axes",
             tuple(f"imu.accel_{axis}" for axis in AXES),
             f"gravity lies {tilt:.0f} deg off z, mostly on {AXES[int(np.argmax(np.abs(mean)))]}",
-            "give the profile a [imu] mount; which way is forward, the drive does not show",
+            "give the profile a [imu] mount; which way is forward is not observable in this drive",
             tilt,
         )

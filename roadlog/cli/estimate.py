@@ -37,7 +37,7 @@ def estimate(
     ] = None,
     profile: Annotated[
         str | None,
-        typer.Option(metavar="NAME|FILE", help="What the topics of an MCAP of others mean."),
+        typer.Option(metavar="NAME|FILE", help="What the topics of a third-party MCAP mean."),
     ] = None,
     settings: Annotated[
         list[str] | None,

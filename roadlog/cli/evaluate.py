@@ -21,7 +21,7 @@ def evaluate(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs with estimates.")],
     profile: Annotated[
         str | None,
-        typer.Option(metavar="NAME|FILE", help="What the topics of an MCAP of others mean."),
+        typer.Option(metavar="NAME|FILE", help="What the topics of a third-party MCAP mean."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     csv: Annotated[

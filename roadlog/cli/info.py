@@ -18,7 +18,7 @@ def info(
     log: Annotated[Path, typer.Argument(help="An MCAP log.")],
     profile: Annotated[
         str | None,
-        typer.Option(metavar="NAME|FILE", help="What the topics of an MCAP of others mean."),
+        typer.Option(metavar="NAME|FILE", help="What the topics of a third-party MCAP mean."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:

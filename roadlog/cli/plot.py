@@ -19,7 +19,7 @@ def plot(
     ],
     profile: Annotated[
         str | None,
-        typer.Option(metavar="NAME|FILE", help="What the topics of an MCAP of others mean."),
+        typer.Option(metavar="NAME|FILE", help="What the topics of a third-party MCAP mean."),
     ] = None,
     names: Annotated[
         list[str] | None,

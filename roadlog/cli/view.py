@@ -31,7 +31,7 @@ def view(
     ] = None,
     profile: Annotated[
         str | None,
-        typer.Option(metavar="NAME|FILE", help="What the topics of an MCAP of others mean."),
+        typer.Option(metavar="NAME|FILE", help="What the topics of a third-party MCAP mean."),
     ] = None,
     rate: Annotated[float, typer.Option(metavar="HZ", help="Samples per second shown.")] = 20.0,
     names: Annotated[

@@ -1,4 +1,4 @@
-"""An MCAP of others, used in place: its messages through a profile to roadlog's tables."""
+"""A third-party MCAP, used in place: its messages through a profile to roadlog's tables."""
 
 from __future__ import annotations
 

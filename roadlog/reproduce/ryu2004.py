@@ -78,6 +78,6 @@ def _claims(
         true = float(np.degrees(truth["bank"][level].mean()))
         ours = float(np.degrees(bank[level].mean()))
         figures = f"true bank {true:.2f} deg, estimate {ours:.2f} deg where |total roll| < 0.5 deg"
-        told = "laps: bank and roll are told apart where the total roll is small"
+        told = "laps: bank and roll are separated where the total roll is small"
         return [Claim(told, abs(ours - true) < 0.2, figures)]
     return []

@@ -1,4 +1,4 @@
-"""An MCAP of others, estimated in place through a profile."""
+"""A third-party MCAP, estimated in place through a profile."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ class AnalyticParameters(StraightParameters):
     """What `ti` and `pn` share; docs/methods/massel2004.md#parameters-of-ti-and-pn."""
 
     window: float = parameter(0.6, "s", "of the moving means; the paper's 600 samples")
-    vdot_min: float = parameter(0.02, "m/s2", "a sample (or window rms) below it says nothing")
+    vdot_min: float = parameter(0.02, "m/s2", "a sample (or window rms) below it is not used")
     sine_max: float = parameter(0.35, "-", "a sample whose sine of the grade is beyond is dropped")
 
 

@@ -271,7 +271,7 @@ ROLL_BANK_OBS = Estimator(
     ),
     gives=("bank", "roll", "roll_total"),
     reference="Ryu 2004, eqs. (17)-(24); docs/methods/ryu2004.md#observer",
-    summary="disturbance observer: bank of the road and roll of the body told apart",
+    summary="disturbance observer: separates bank of the road and roll of the body",
     vehicle=(
         "mass",
         "cg_to_front_axle",

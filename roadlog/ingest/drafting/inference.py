@@ -31,12 +31,12 @@ def by_data(draft: Draft) -> None:
         if unit and not accel[0].stated:
             draft.put([g.role for g in accel], unit=unit, doubt=f"gravity says that it is {unit}")
         elif not unit and not accel[0].stated:
-            draft.notes.append("The accelerations hold no gravity that tells their unit.")
+            draft.notes.append("No gravity in the accelerations, so their unit is not certain.")
     _course(draft)
     _steering(draft)
     state = _state(draft)
     if state is None:
-        draft.notes.append("Nothing in the drive tells the mounting: check it.")
+        draft.notes.append("The mounting is not observable in this drive: check it.")
         return
     motion.gravity(state)
     motion.speeds(state)
@@ -109,7 +109,7 @@ def _mount(draft: Draft, state: motion.Examination) -> None:
     if best is None:
         draft.notes.append("The sensor's axes are taken as x forward, y left, z up:")
         if mean is not None and abs(mean[2]) < axes.UPRIGHT * np.linalg.norm(mean):
-            draft.notes.append("but gravity is not on z, and the drive does not show the mounting;")
+            draft.notes.append("but gravity is not on z, and the mounting is not observable;")
         draft.notes.append("nothing in the drive says otherwise.")
         return
     if best.turned:

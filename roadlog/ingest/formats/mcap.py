@@ -1,4 +1,4 @@
-"""MCAP files of others: protobuf, ROS 2 and JSON messages, each topic as columns."""
+"""Third-party MCAP files: protobuf, ROS 2 and JSON messages, each topic as columns."""
 
 from __future__ import annotations
 

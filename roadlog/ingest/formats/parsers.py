@@ -1,4 +1,4 @@
-"""The boundary to parsers of others: what they raise, warn and log stays behind it."""
+"""The boundary to third-party parsers: what they raise, warn and log stays behind it."""
 
 from __future__ import annotations
 
