@@ -6,7 +6,7 @@ Luo 2024, equation (37), corrected: docs/methods/luo2024.md#driving-equation.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -20,15 +20,8 @@ from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
 from roadlog.estimators.luo2024.schedule import ScheduleParameters, schedule
 from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
-from roadlog.filters.ukf import (
-    correct,
-    keep_upright,
-    mean_and_covariance,
-    reference_ukf,
-    restart_state,
-    sigma_points,
-)
-from roadlog.types import Bools, Floats
+from roadlog.filters.ukf_loop import Equations, Tuning, register, track
+from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
 ROLLING_SPEED = 0.1  # m/s, over which rolling resistance changes its sign
@@ -50,9 +43,12 @@ class DebeParameters(ScheduleParameters):
     initial_grade_sd: float = parameter(0.05, "rad", "before the first sample")
 
 
-class Resistance(NamedTuple):
-    """What brakes the car: drag N s2/m2 and rolling resistance N; mass kg times g in N; dt s."""
+class Car(NamedTuple):
+    """What moves the car, force (n,) N at the wheels and mass (n,) kg with what turns, and what
+    brakes it: drag N s2/m2, rolling resistance N, weight N; dt s."""
 
+    force: Floats
+    mass: Floats
     drag: float
     rolling: float
     weight: float
@@ -60,12 +56,27 @@ class Resistance(NamedTuple):
 
 
 @njit(cache=True)
-def process(x: Floats, force: float, mass: float, car: Resistance, y: Floats) -> None:
-    """[v, grade] one step on, under `force` N at the wheels and the effective `mass` kg."""
+def process(car: Car, x: Floats, k: int, y: Floats) -> None:
+    """[v, grade] one step on."""
     v, grade = x[0], x[1]
     resistance = car.drag * v * abs(v) + car.rolling * np.cos(grade) * np.tanh(v / ROLLING_SPEED)
-    y[0] = v + car.dt * (force - resistance - car.weight * np.sin(grade)) / mass
+    y[0] = v + car.dt * (car.force[k] - resistance - car.weight * np.sin(grade)) / car.mass[k]
     y[1] = grade
+
+
+@njit(cache=True)
+def measure(car: Car, x: Floats, k: int, z: Floats) -> None:  # noqa: ARG001
+    """The speed."""
+    z[0] = x[0]
+
+
+@njit(cache=True)
+def spread(car: Car, P: Floats, sd: Floats) -> None:  # noqa: ARG001
+    """Of the grade."""
+    sd[0] = np.sqrt(P[1, 1])
+
+
+register(Car, Equations(process, measure, spread, outputs=1, angle=1))
 
 
 def debe(drive: Drive, vehicle: Vehicle, params: DebeParameters, engine: Engine) -> Estimate:
@@ -78,26 +89,25 @@ def debe(drive: Drive, vehicle: Vehicle, params: DebeParameters, engine: Engine)
     corrected = params.variant == "corrected"
     speed = (road_speed if corrected else free_wheel_speed)(drive, vehicle)
     plan = schedule(drive, speed, np.isfinite(force) & ~line.unknown, params)
-    car = Resistance(
-        0.5 * vehicle.air_density * vehicle.drag_area,
-        vehicle.rolling_resistance * vehicle.mass * G,
-        vehicle.mass * G,
-        drive.dt,
+    tune = Tuning(
+        Q=np.array([params.speed_noise**2, params.grade_noise**2]) * drive.dt,
+        R=np.array([params.speed_sd**2]),
+        P0=np.array([RESTART_VARIANCE, params.initial_grade_sd**2]),
     )
     n = len(drive)
     grade, sd, repaired = np.full(n, np.nan), np.full(n, np.nan), np.zeros(n, np.bool_)
-    steps = _reference if engine == "reference" else _compiled
     for run in plan.runs:
-        grade[run], sd[run], repaired[run] = steps(
-            speed[run],
+        car = Car(
             np.nan_to_num(force[run]),
             mass[run],
-            plan.frozen[run],
-            np.array([params.speed_noise**2, params.grade_noise**2]) * drive.dt,
-            np.array([params.speed_sd**2]),
-            np.array([RESTART_VARIANCE, params.initial_grade_sd**2]),
-            car,
+            0.5 * vehicle.air_density * vehicle.drag_area,
+            vehicle.rolling_resistance * vehicle.mass * G,
+            vehicle.mass * G,
+            drive.dt,
         )
+        shown = speed[run, None]
+        found = track(car, shown, shown, plan.frozen[run], tune, engine)
+        grade[run], sd[run], repaired[run] = found.x[:, 1], found.sd[:, 0], found.repaired
     valid, flags = plan.outcome(drive, grade, sd, repaired, params)
     flags |= flag(was_held, "held")
     return Estimate(drive.time, {"grade": grade}, {"grade": sd}, valid, flags, notes=line.notes)
@@ -116,76 +126,6 @@ def _effective_mass(line: Driveline, vehicle: Vehicle, params: DebeParameters) -
     if params.variant != "corrected":
         return np.full(len(line.drive), vehicle.mass)
     return vehicle.mass + line.inertia.sum(axis=1) / vehicle.wheel_radius**2
-
-
-@njit(cache=True)
-def _compiled(
-    speed: Floats,
-    force: Floats,
-    mass: Floats,
-    frozen: Bools,
-    Q: Floats,
-    R: Floats,
-    P0: Floats,
-    car: Resistance,
-) -> tuple[Floats, Floats, Bools]:
-    n = len(speed)
-    grade, sd, repaired = np.empty(n), np.empty(n), np.zeros(n, np.bool_)
-    x, P = np.array([speed[0], 0.0]), np.diag(P0)
-    X, Y = np.empty((5, 2)), np.empty((5, 2))
-    for k in range(n):
-        if frozen[k]:
-            P[1, 1] += Q[1]
-        else:
-            if k > 0 and frozen[k - 1]:
-                restart_state(x, P, 0, speed[k] if np.isfinite(speed[k]) else x[0], P0[0])
-            elif k > 0:
-                repaired[k] = sigma_points(x, P, X)
-                for p in range(5):
-                    process(X[p], force[k], mass[k], car, Y[p])
-                mean_and_covariance(Y, Q, x, P)
-            repaired[k] |= sigma_points(x, P, X)
-            correct(x, P, X, X[:, :1], speed[k : k + 1], R)
-            keep_upright(x, P, 1, P0[1])
-        grade[k] = x[1]
-        sd[k] = np.sqrt(P[1, 1])
-    return grade, sd, repaired
-
-
-def _reference(
-    speed: Floats,
-    force: Floats,
-    mass: Floats,
-    frozen: Bools,
-    Q: Floats,
-    R: Floats,
-    P0: Floats,
-    car: Resistance,
-) -> tuple[Floats, Floats, Bools]:
-    n = len(speed)
-    grade, sd = np.empty(n), np.empty(n)
-    ukf = reference_ukf(np.array([speed[0], 0.0]), np.diag(P0), Q)
-
-    def fx(x: Floats, _dt: float, **step: Any) -> Floats:
-        y = np.empty(2)
-        process(x, step["force"], step["mass"], car, y)
-        return y
-
-    for k in range(n):
-        if frozen[k]:
-            ukf.P[1, 1] += Q[1]
-        else:
-            if k > 0 and frozen[k - 1]:
-                value = speed[k] if np.isfinite(speed[k]) else ukf.x[0]
-                restart_state(ukf.x, ukf.P, 0, value, P0[0])
-                ukf.sigmas_f = ukf.points_fn.sigma_points(ukf.x, ukf.P)
-            elif k > 0:
-                ukf.predict(fx=fx, force=force[k], mass=mass[k])
-            if np.isfinite(speed[k]):
-                ukf.update(speed[k : k + 1], R=np.diag(R), hx=lambda x: x[:1])
-            keep_upright(ukf.x, ukf.P, 1, P0[1])
-        grade[k], sd[k] = ukf.x[1], np.sqrt(ukf.P[1, 1])
-    return grade, sd, np.zeros(n, np.bool_)
 
 
 DEBE = Estimator(

@@ -23,6 +23,7 @@ from roadlog.estimators.luo2024 import grade_ukf, tire_ukf
 from roadlog.estimators.luo2024.schedule import Schedule, ScheduleParameters, schedule
 from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
+from roadlog.filters.ukf_loop import track
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -102,20 +103,23 @@ def tfobe(drive: Drive, vehicle: Vehicle, params: TfobeParameters, engine: Engin
     y, y_sd = np.full((n, grade_ukf.STATES), np.nan), np.full((n, grade_ukf.STATES), np.nan)
     for run in plan.runs:
         own = tire_ukf.TireInputs(*(part[run] for part in inputs))
-        tires = tire_ukf.tire_ukf(
-            layers.tire_z[run], layers.start[run], plan.frozen[run], own, lower, car, engine
+        tires = track(
+            tire_ukf.TireModel(own, car),
+            layers.tire_z[run],
+            layers.start[run],
+            plan.frozen[run],
+            lower,
+            engine,
         )
-        grades = grade_ukf.grade_ukf(
+        forces[run], force_sd[run] = tires.x[:, tire_ukf.FORCES], tires.sd
+        grades = track(
+            grade_ukf.GradeModel(forces[run], own.delta, car),
             layers.grade_z[run],
             layers.start[run, :3],
             plan.frozen[run],
-            tires.forces,
-            own.delta,
             tune,
-            car,
             engine,
         )
-        forces[run], force_sd[run] = tires.forces, tires.sd
         y[run], y_sd[run] = grades.x, grades.sd
         repaired[run] = tires.repaired | grades.repaired
     grade, grade_sd = y[:, grade_ukf.GRADE], y_sd[:, grade_ukf.GRADE]

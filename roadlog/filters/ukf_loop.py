@@ -1,0 +1,216 @@
+"""Unscented Kalman filter over a drive that may freeze and start anew, on both engines.
+
+While a sample is frozen (a stop, a gap) the leading states are not known and the others stay, with
+their process noise; behind it the leading states start from what was measured.
+
+A model is a NamedTuple of what its equations need, with three compiled functions of it
+(`register`): numba picks them by the model's type, so the loop is written and compiled as one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit, types
+from numba.extending import overload
+
+from roadlog.filters import Engine
+from roadlog.filters.ukf import (
+    correct,
+    keep_upright,
+    mean_and_covariance,
+    reference_ukf,
+    restart_state,
+    sigma_points,
+)
+from roadlog.types import Bools, Floats
+
+
+class Tuning(NamedTuple):
+    """Diagonals: Q (states,) per step, R (rows,), P0 (states,)."""
+
+    Q: Floats
+    R: Floats
+    P0: Floats
+
+
+class Track(NamedTuple):
+    """x (n, states): posterior; sd (n, outputs): what the model's `spread` makes of the
+    covariance; repaired (n,): a covariance was not positive definite."""
+
+    x: Floats
+    sd: Floats
+    repaired: Bools
+
+
+class Equations(NamedTuple):
+    """process(model, x, k, y): the state one step on into y. measure(model, x, k, z): all rows into
+    z. spread(model, P, sd): standard deviations into sd; outputs: their number. angle: state that
+    must stay below the vertical, -1 for none."""
+
+    process: Callable
+    measure: Callable
+    spread: Callable
+    outputs: int
+    angle: int
+
+
+_EQUATIONS: dict[type, Equations] = {}
+
+
+def register(model: type, equations: Equations) -> None:
+    """Say which equations a type of model has."""
+    _EQUATIONS[model] = equations
+
+
+def track(
+    model: Any, z: Floats, start: Floats, frozen: Bools, tune: Tuning, engine: Engine
+) -> Track:
+    """Filter one run without gaps.
+
+    z (n, rows): measured, NaN where not measured or not used. start (n, m): the first m states to
+    start from, at the first sample and after a freeze; NaN keeps the state. frozen (n,).
+    """
+    equations = _EQUATIONS[type(model)]
+    if engine == "reference":
+        return _reference(model, equations, z, start, frozen, tune)
+    sd = np.empty((len(z), equations.outputs))
+    x, repaired = _compiled(model, z, start, frozen, tune, equations.angle, sd)
+    return Track(x, sd, repaired)
+
+
+def _process(model: Any, x: Floats, k: int, y: Floats) -> None:
+    raise NotImplementedError  # stands for the model's own in compiled code
+
+
+def _measure(model: Any, x: Floats, k: int, z: Floats) -> None:
+    raise NotImplementedError
+
+
+def _spread(model: Any, P: Floats, sd: Floats) -> None:
+    raise NotImplementedError
+
+
+def _of(model: Any) -> Equations | None:
+    """Equations of a model's numba type."""
+    return _EQUATIONS.get(model.instance_class) if isinstance(model, types.NamedTuple) else None
+
+
+@overload(_process)
+def _process_of(model, x, k, y):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    equations = _of(model)
+    if equations is None:
+        return None
+    process = equations.process
+
+    def own(model, x, k, y):  # type: ignore[no-untyped-def]
+        process(model, x, k, y)
+
+    return own
+
+
+@overload(_measure)
+def _measure_of(model, x, k, z):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    equations = _of(model)
+    if equations is None:
+        return None
+    measure = equations.measure
+
+    def own(model, x, k, z):  # type: ignore[no-untyped-def]
+        measure(model, x, k, z)
+
+    return own
+
+
+@overload(_spread)
+def _spread_of(model, P, sd):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    equations = _of(model)
+    if equations is None:
+        return None
+    spread = equations.spread
+
+    def own(model, P, sd):  # type: ignore[no-untyped-def]
+        spread(model, P, sd)
+
+    return own
+
+
+@njit(cache=True)
+def _restart(x: Floats, P: Floats, start: Floats, P0: Floats) -> None:
+    for i in range(len(start)):
+        restart_state(x, P, i, start[i] if np.isfinite(start[i]) else x[i], P0[i])
+
+
+@njit(cache=True)
+def _compiled(
+    model: Any, z: Floats, start: Floats, frozen: Bools, tune: Tuning, angle: int, sd: Floats
+) -> tuple[Floats, Bools]:
+    n, states, points = len(z), len(tune.P0), 2 * len(tune.P0) + 1
+    xs, repaired = np.empty((n, states)), np.zeros(n, np.bool_)
+    x, P = np.zeros(states), np.diag(tune.P0)
+    X, Y = np.empty((points, states)), np.empty((points, states))
+    Z = np.empty((points, z.shape[1]))
+    _restart(x, P, start[0], tune.P0)
+    for k in range(n):
+        if frozen[k]:
+            for i in range(start.shape[1], states):
+                P[i, i] += tune.Q[i]
+        else:
+            if k > 0 and frozen[k - 1]:
+                _restart(x, P, start[k], tune.P0)
+            elif k > 0:
+                repaired[k] = sigma_points(x, P, X)
+                for p in range(points):
+                    _process(model, X[p], k, Y[p])
+                mean_and_covariance(Y, tune.Q, x, P)
+            repaired[k] |= sigma_points(x, P, X)
+            for p in range(points):
+                _measure(model, X[p], k, Z[p])
+            correct(x, P, X, Z, z[k], tune.R)
+            if angle >= 0:
+                keep_upright(x, P, angle, tune.P0[angle])
+        xs[k] = x
+        _spread(model, P, sd[k])
+    return xs, repaired
+
+
+def _reference(
+    model: Any, equations: Equations, z: Floats, start: Floats, frozen: Bools, tune: Tuning
+) -> Track:
+    n, states = len(z), len(tune.P0)
+    xs, sd = np.empty((n, states)), np.empty((n, equations.outputs))
+    x, P = np.zeros(states), np.diag(tune.P0)
+    _restart(x, P, start[0], tune.P0)
+    ukf = reference_ukf(x, P, tune.Q)
+    kept = np.where(np.arange(states) < start.shape[1], 0.0, tune.Q)
+
+    def fx(x: Floats, _dt: float, k: int) -> Floats:
+        y = np.empty(states)
+        equations.process(model, x, k, y)
+        return y
+
+    def hx(x: Floats, k: int, known: Any) -> Floats:
+        rows = np.empty(z.shape[1])
+        equations.measure(model, x, k, rows)
+        return rows[known]
+
+    for k in range(n):
+        if frozen[k]:
+            ukf.P += np.diag(kept)
+        else:
+            if k > 0 and frozen[k - 1]:
+                _restart(ukf.x, ukf.P, start[k], tune.P0)
+                ukf.sigmas_f = ukf.points_fn.sigma_points(ukf.x, ukf.P)
+            elif k > 0:
+                ukf.predict(fx=fx, k=k)
+            known = np.flatnonzero(np.isfinite(z[k]))
+            if len(known):
+                ukf.update(z[k][known], R=np.diag(tune.R[known]), hx=hx, k=k, known=known)
+            if equations.angle >= 0:
+                angle = equations.angle
+                keep_upright(ukf.x, ukf.P, angle, tune.P0[angle])
+        xs[k] = ukf.x
+        equations.spread(model, np.asarray(ukf.P), sd[k])
+    return Track(xs, sd, np.zeros(n, np.bool_))
