@@ -1,6 +1,6 @@
-"""The body on its springs, as far as the vehicle file or cars in general tell it.
+"""The body on its springs, from the vehicle file or from cars in general.
 
-Source: fusion chapter, sections 3 (heights), 4 (modes) and 8.4 (gradients).
+Source: docs/methods/fusion.md#body-angles.
 """
 
 from __future__ import annotations

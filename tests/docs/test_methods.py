@@ -13,6 +13,7 @@ from support.drives import ROOT
 
 from roadlog import estimators
 from roadlog.estimators.base import Estimator
+from roadlog.estimators.fusion.states import State
 
 METHODS = ROOT / "docs" / "methods"
 HEADING = re.compile(r"^#+ Parameters of (.*)$", re.MULTILINE)
@@ -76,3 +77,15 @@ def test_systematic_sds_are_those_of_the_code() -> None:
     assert shown == {
         e.name: dict(e.systematic_deg) for e in estimators.all_estimators() if e.systematic_deg
     }
+
+
+def test_the_states_of_fusion_are_those_of_the_code() -> None:
+    page = (METHODS / "fusion.md").read_text(encoding="utf-8")
+    table = page.split("## States", 1)[1].split("\n## ", 1)[0]
+    rows = [line.split("|") for line in table.splitlines() if re.match(r"\| \d", line)]
+    shown = [
+        (name, int(number))
+        for _, numbers, _, names, *_ in rows
+        for name, number in zip(re.findall(r"`(\w+)`", names), numbers.split(","), strict=True)
+    ]
+    assert shown == [(state.name, state.value) for state in State]

@@ -35,7 +35,7 @@ def test_slow_innovations_count_as_few() -> None:
 
 
 def test_a_crooked_imu_is_turned() -> None:
-    """Five degrees of yaw mix bank into grade; the drive tells them."""
+    """Five degrees of yaw mix bank into grade; they are observable."""
     simulation = simulate("luo2024-s3")
     turn = np.radians(5.0)
     tables = [t for t in simulation.tables if t.topic != TRUTH_TOPIC]
@@ -47,9 +47,9 @@ def test_a_crooked_imu_is_turned() -> None:
         columns[f"{kind}_y"] = np.cos(turn) * y - np.sin(turn) * x
     drive = Drive.from_tables([replace(imu, columns=columns) if t is imu else t for t in tables])
     estimate = estimators.run("fusion", drive, simulation.vehicle)
-    assert any("not mounted straight" in note for note in estimate.notes)
+    assert any("mounting of the IMU was not" in note for note in estimate.notes)
     straight = estimators.run("fusion", Drive.from_tables(tables), simulation.vehicle)
-    assert not any("not mounted straight" in note for note in straight.notes)
+    assert not any("mounting of the IMU was not" in note for note in straight.notes)
     yaw, own = (
         np.degrees(found.details["constants"].columns["mounting_yaw"][0])
         for found in (estimate, straight)

@@ -22,7 +22,7 @@ LENGTH = 2 * PIECE + 44  # steps; no multiple of the checkpoints
 
 @pytest.fixture
 def problem(hill_drive: Drive) -> tuple[Steps, Noise, Floats]:
-    """Six seconds with climb and two altitudes now and then, and a place seen again."""
+    """Six seconds with climb and two altitudes now and then, and a loop closure."""
     vehicle, params = Vehicle(), FusionParameters()
     inputs = Inputs.of(hill_drive, vehicle, params, mounting_prior(vehicle, params))
     steps, noise = inputs.with_fixes(0.0), noise_of(inputs)

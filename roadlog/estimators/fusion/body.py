@@ -1,11 +1,11 @@
 """The body on its springs: its pitch and roll against the road, written once.
 
 Balance of moments: J angle'' = K f - angle - c angle', where angle'' is the acceleration against
-the horizontal, which the gyro knows. The first two terms behind the lag c are `Steps.sway`; so a
-body that the road rocks is told from the road itself. Of the force, what the sensor's bias and
-mounting make of gravity is none. Every function takes x (29,), s (6,), or arrays of them with the
-states first, (29, n) and (6, n).
-Source: fusion chapter, section 4, taken one step further.
+the horizontal, which the gyro knows. The first two terms behind the lag c are `Steps.sway`; so
+body motion that the road excites is separated from the road itself. What the sensor's bias and
+mounting make of gravity is no force on the springs. Every function takes x (29,), s (6,), or arrays
+of them with the states first, (29, n) and (6, n).
+Source: docs/methods/fusion.md#body-angles.
 """
 
 from __future__ import annotations

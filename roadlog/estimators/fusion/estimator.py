@@ -5,7 +5,7 @@ linear tire does", by "the car stays on the road", by stops, and by GNSS where i
 and bank have no prior of their own: they are absolute angle minus body angle.
 The drive becomes `Inputs` (inputs.py), these a `Fit` (fit.py), this a `Solution` (solution.py), and
 here an `Estimate`.
-Source: fusion chapter.
+Source: docs/methods/fusion.md.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ FUSION = Estimator(
     parameters=FusionParameters,
     needs=(*(f"imu.{kind}_{axis}" for kind in ("accel", "gyro") for axis in "xyz"), ANY_SPEED),
     gives=("grade", "bank", "pitch", "roll"),
-    reference="roadlog; Bierman 1973 for the smoother",
+    reference="roadlog; docs/methods/fusion.md#states",
     summary="strapdown smoother over the whole drive with everything the log has",
     vehicle=("pitch_gradient", "roll_gradient", "rear_cornering_stiffness", "imu_position"),
 )

@@ -1,6 +1,6 @@
 """What the smoother of `fusion` is to solve, with noise and mounting as the drive shows them.
 
-Source: fusion chapter, sections 7 (mounting) and 8.2 (delays).
+Source: docs/methods/fusion.md#innovations, docs/methods/fusion.md#mounting.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def begin(inputs: Inputs) -> Fit:
     mean, P0 = priors(inputs)
     noise = noise_of(inputs)
     delay = gnss_delay(inputs.drive, inputs.source)
-    if delay:  # behind a speed that may be late itself: the IMU tells by how much
+    if delay:  # behind a speed that may be late itself: by how much follows from the IMU
         alone = beginning(_started(inputs.steps, mean))
         late = float(filtered(alone, noise, P0)[0][last(alone), State.SPEED_DELAY])
         delay += late if abs(late) > inputs.steps.dt / 2 else 0.0  # counts at the nearest step

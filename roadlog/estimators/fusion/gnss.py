@@ -1,6 +1,6 @@
-"""What a receiver and a barometer tell `fusion`: fixes, and places that are seen again.
+"""Fixes of a receiver and a barometer for `fusion`, and loop closure.
 
-Source: fusion chapter, section 6 (which sample feeds which row).
+Source: docs/methods/fusion.md#gnss-rows, docs/methods/fusion.md#loop-closure.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ALTITUDE_INTERVAL = 1.0  # s, between altitudes used: their error is correlated 
 ACCURACY_FACTOR = 2.0  # receivers' errors are correlated over several samples
 VELOCITY_SD, CLIMB_SD, ALTITUDE_SD = 0.06, 0.12, 1.0  # m/s, m/s, m; where nothing is reported
 BAROMETER_SD = 0.3  # m, of one value; its slow error is a state
-CLOSURE_SD = 0.5  # m, altitude at a second visit of a place (section 6)
+CLOSURE_SD = 0.5  # m, altitude at a second visit of a place
 HEADING_SD, ROLL_SD = np.radians(0.3), np.radians(0.6)
 METERS_PER_DEGREE = 111_195.0  # of latitude, on a sphere
 REVISIT_STEP = 0.2  # s between places that are compared
@@ -86,7 +86,7 @@ def fixes_of(
 
 
 def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: Floats) -> Bools:
-    """Steps whose altitude is kept; places seen again become rows of `fixes` (section 6).
+    """Steps whose altitude is kept; places visited again become rows of `fixes`.
 
     By the receiver's position, where its altitude agrees: ramps of a car park lie above each other.
     One altitude is kept at a time.

@@ -14,7 +14,7 @@ from roadlog.estimators.fusion.states import ROWS, Row
 from roadlog.types import Floats
 
 # Rows whose error is slow: a car that slips otherwise than its tires say, altitudes that wander. A
-# slow misfit of speed or contact with the road would cost the fast motion that they tell; a
+# slow misfit of speed or contact with the road would cost the fast motion that they observe; a
 # receiver's velocity and angles have twice their sd beforehand, and disagree for a constant.
 ADAPTED = (Row.SLIP, Row.ALTITUDE, Row.BAROMETER)
 MIN_SAMPLES = 50

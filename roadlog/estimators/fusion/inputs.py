@@ -1,7 +1,6 @@
 """What `fusion` takes from a drive: every channel at its own times, put on the smoother's steps.
 
-Source: fusion chapter, section 4 (inputs, grid), section 6 (which sample feeds which row) and
-section 7 (start, standstill).
+Source: docs/methods/fusion.md#inputs.
 """
 
 from __future__ import annotations
@@ -145,7 +144,7 @@ def build(drive: Drive, vehicle: Vehicle, source: SpeedSource, params: FusionPar
 
 
 def _sway(point: Floats, vehicle: Vehicle) -> Floats:
-    """What moves the body on its springs and the rear axle sideways, (n, 6) (section 4).
+    """What moves the body on its springs and the rear axle sideways, (n, 6).
 
     A lagged specific force (`body`), and the lagged angular acceleration times the inertia, which
     needs no derivative: the lag's own input less its output, over its time.
@@ -235,7 +234,7 @@ def _antenna(vehicle: Vehicle) -> Floats:
 
 
 def _lever(rate: Floats, arm: Floats, alive: Bools, dt: float) -> Floats:
-    """m/s2, dw/dt x arm + w x (w x arm) (section 3)."""
+    """m/s2, dw/dt x arm + w x (w x arm); docs/methods/fusion.md#reference-point."""
     angular = np.zeros_like(rate)
     window = odd_window(RATE_WINDOW, dt)
     for run in runs(alive):
@@ -245,7 +244,7 @@ def _lever(rate: Floats, arm: Floats, alive: Bools, dt: float) -> Floats:
 
 
 def _standstill(speed: Floats, point: Floats, alive: Bools) -> Bools:
-    """Where the car stands and nobody shakes it (section 7)."""
+    """Where the car stands and nothing moves it; docs/methods/fusion.md#standstill-rows."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     window = 2 * round(STILL_TIME * RATE) + 1
@@ -262,7 +261,7 @@ def _standstill(speed: Floats, point: Floats, alive: Bools) -> Bools:
 
 
 def _start(run: slice, steps: Steps, speed: Floats) -> Floats:
-    """The moving states at the beginning of a run of the IMU (section 7)."""
+    """The moving states at the beginning of a run of the IMU; docs/methods/fusion.md#start."""
     x = np.zeros(N)
     head = slice(run.start, min(run.stop, run.start + round(START * RATE)))
     known = np.flatnonzero(np.isfinite(speed[head]))

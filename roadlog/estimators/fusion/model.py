@@ -2,7 +2,7 @@
 
 Velocity and tilt of one point of the car, whose constants - sensor biases, mounting, gradients,
 lever arms - are states too. Both engines run these functions.
-Source: fusion chapter, section 5.
+Source: docs/methods/fusion.md#process.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def tilt(x: Floats) -> tuple[float, float, float, float]:
 
 @njit(cache=True)
 def derivative(x: Floats, f: Floats, w: Floats, dx: Floats) -> None:
-    """Time derivatives of the states into dx (29,) (section 5); constants have none."""
+    """Time derivatives of the states into dx (29,); constants have none."""
     p, q, r = rates(x, w)
     sph, cph, sth, cth = tilt(x)
     u, v, z = x[S.U], x[S.V], x[S.W]
@@ -50,7 +50,7 @@ def derivative(x: Floats, f: Floats, w: Floats, dx: Floats) -> None:
 
 @njit(cache=True)
 def propagate(x: Floats, f: Floats, w: Floats, dt: float, noise: Noise, clone: bool) -> Floats:
-    """The states one step later, by the midpoint rule; small errors decay (section 5).
+    """The states one step later, by the midpoint rule; small errors decay.
 
     clone: keep the altitude for the next visit of this place.
     """
@@ -69,7 +69,7 @@ def propagate(x: Floats, f: Floats, w: Floats, dt: float, noise: Noise, clone: b
 
 @njit(cache=True)
 def transition(x: Floats, w: Floats, dt: float, noise: Noise, clone: bool, F: Floats) -> None:
-    """F = I + dt A into F (29, 29), A the Jacobian of `derivative` (section 5)."""
+    """F = I + dt A into F (29, 29), A the Jacobian of `derivative`."""
     p, q, r = rates(x, w)
     sph, cph, sth, cth = tilt(x)
     u, v, z = x[S.U], x[S.V], x[S.W]
@@ -117,7 +117,7 @@ def _transition_of_angles(x: Floats, q: float, r: float, dt: float, F: Floats) -
 def process_noise(
     x: Floats, f: Floats, w: Floats, s: Floats, dt: float, noise: Noise, q: Floats
 ) -> None:
-    """Diagonal of Q over one step into q (29,) (section 5)."""
+    """Diagonal of Q over one step into q (29,); docs/methods/fusion.md#process-noise."""
     q[:] = 0.0
     forward = f[0] - G * sin(x[S.THETA])
     q[S.U] = dt * (noise.accel**2 + (noise.accel_gain * forward) ** 2)

@@ -1,6 +1,6 @@
 """How the IMU sits in the body: what is known of it, and how it is turned straight.
 
-Source: fusion chapter, sections 3 (priors) and 7.
+Source: docs/methods/fusion.md#mounting.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from roadlog.estimators.fusion.steps import HEIGHTS, Fix, Steps, has, last
 from roadlog.types import Bools, Floats
 
 DEG = np.pi / 180
-CALIBRATED_MOUNTING = 0.1 * DEG  # a mounting that the vehicle file gives is no better (section 3)
-UNKNOWN_MOUNTING = 3.0 * DEG  # of an IMU that lies somewhere in the car (section 3)
+CALIBRATED_MOUNTING = 0.1 * DEG  # a mounting that the vehicle file gives is no better
+UNKNOWN_MOUNTING = 3.0 * DEG  # of an IMU that lies somewhere in the car
 CROSSFALL = 1.5 * DEG  # sd of a drive's mean bank: what levels an IMU that lies askew
 CONFLICT = 2.0  # sd; a mounting found further from its prior was not mounted as that says
-SMALL_MOUNTING = 1.0 * DEG  # beyond this the IMU is turned and smoothed again (section 7)
+SMALL_MOUNTING = 1.0 * DEG  # beyond this the IMU is turned and smoothed again
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Mounting:
         return np.abs(found - self.mean) > CONFLICT * self.sd
 
     def turned(self, found: Floats, mean_bank: float | None) -> Mounting:
-        """Turned by what the data found, so that it is small again (section 7).
+        """Turned by what the data found, so that it is small again.
 
         An angle that its prior does not allow is unknown; and so then is the roll, which nothing
         but antennas tells, save that the mean of bank over a drive is small. mean_bank: rad, of the
@@ -79,15 +79,15 @@ def _rotation(angles: Floats) -> Floats:
 
 
 def straightened(steps: Steps, mounting: Mounting, x: Floats) -> Mounting | None:
-    """The mounting turned by what the filter found; None where that is small (section 7)."""
+    """The mounting turned by what the filter found; None where that is small."""
     moving = steps.alive & ~steps.still
     found: Floats = x[last(steps), MOUNTING].copy()
     bank = None
     if not has(steps, Fix.ROLL):
-        found[0] = 0.0  # nothing tells it
+        found[0] = 0.0  # not observable
         bank = float(np.mean(x[moving, State.PHI]))
     if not has(steps, *HEIGHTS):
-        found[1] = 0.0  # what the springs tell of it is weak
+        found[1] = 0.0  # hardly observable from the springs
     if np.abs(found).max() < SMALL_MOUNTING and not mounting.wrong(found).any():
         return None
     return mounting.turned(found, bank)

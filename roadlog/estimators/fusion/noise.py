@@ -1,6 +1,6 @@
 """The noise of `fusion`: of the process over a step, and of every measurement row.
 
-Source: fusion chapter, sections 5 (process) and 6 (rows).
+Source: docs/methods/fusion.md#process-noise, docs/methods/fusion.md#measurement-rows.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ DEG = np.pi / 180
 ACCEL_GAIN = 0.01  # -, scale and cross-axis error of a MEMS accelerometer
 YAW_SLIP = 0.002  # -, of u r: gyro scale times speed
 VERTICAL_GAIN = 0.002  # -, of u q, likewise
-GYRO_BIAS = 1e-5  # rad/s, 0.005 deg/s in 90 s; twice section 3: sensors warm up
-ACCEL_BIAS = 3e-4  # m/s2, 0.003 m/s2 in 90 s; three times section 3, likewise
+GYRO_BIAS = 1e-5  # rad/s, 0.005 deg/s in 90 s: sensors warm up
+ACCEL_BIAS = 3e-4  # m/s2, 0.003 m/s2 in 90 s, likewise
 TURN_TIME = 5.0  # s of a turn, over which an error in proportion to its rate lasts
 YAW = 0.02 * DEG  # rad, as the tilt
 YAW_GAIN = 0.002  # -, scale error of the gyro
@@ -42,11 +42,11 @@ SLIP_GAIN = 0.003  # -, share of the tire's slip velocity per m/s2: tires are no
 SLIP_YAW = 0.05  # m, times the yaw rate: how well the rear axle's place is known
 STILL_SD = 0.02  # m/s, a car that stands rocks by so much
 STILL_GYRO_SD = 0.05 * DEG  # rad/s, of a gyro at rest
-STILL_GATE = 3.0  # sd, somebody shakes the car
+STILL_GATE = 3.0  # sd, somebody moves the standing car
 
 
 class Noise(NamedTuple):
-    """Process and measurement noise (fusion chapter, sections 5 and 6)."""
+    """Process and measurement noise; docs/methods/fusion.md#process-noise."""
 
     accel: float  # m/s2/sqrt(Hz), forward and sideways
     accel_gain: float  # -, share of the acceleration along the axis
@@ -130,7 +130,7 @@ def noise_of(inputs: Inputs) -> Noise:
 def _body_per_vibration(inputs: Inputs) -> float:
     """rad/(m/s2/sqrt(Hz)), body angle per vibration, on a road driven at SHAKING_SPEED.
 
-    An uneven road shakes a car by the root of its speed. Bumps as long as the car also rock it,
+    An uneven road excites a car by the root of its speed. Bumps as long as the car also rock it,
     the slower the more of them below the frequencies that count as vibration (`process_noise`).
     """
     params, speed = inputs.params, inputs.steps.speed
@@ -142,7 +142,9 @@ def _body_per_vibration(inputs: Inputs) -> float:
 
 
 def vibration(steps: Steps) -> float:
-    """m/s2/sqrt(Hz), how rough the road is: median PSD of f_z in 0.3-2 Hz (section 5, `vib`).
+    """m/s2/sqrt(Hz), how rough the road is: median PSD of f_z in 0.3-2 Hz.
+
+    Source: docs/methods/fusion.md#vibration.
 
     Median over time as well: curbs and hairpins are not the road.
     """

@@ -1,4 +1,4 @@
-"""What `fusion` tells people of a run: what it used, what it found, what it could not tell."""
+"""Notes of `fusion` on a run: what it used, what it found, what was not observable."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NAMES = {
     Fix.HEADING: "antenna heading",
     Fix.ROLL: "antenna roll",
     Fix.BAROMETER: "barometer",
-    Fix.CLOSURE: "places seen again",
+    Fix.CLOSURE: "loop closure",
 }
 
 
@@ -53,11 +53,11 @@ def _mounting(solution: Solution) -> list[str]:
         f"{axis} {np.degrees(solution.constants[f'mounting_{axis}'][0]):+.1f}"
         for axis in ("roll", "pitch", "yaw")
     )
-    return [f"the IMU is not mounted straight, and was turned (deg): {turn}"]
+    return [f"the mounting of the IMU was not as given, and is estimated (deg): {turn}"]
 
 
 def _found(solution: Solution) -> list[str]:
-    """On the constants that the drive told, with their standard errors."""
+    """On the constants that were observable, with their standard errors."""
     prior = np.sqrt(np.diag(solution.fit.P0))
     found = []
     for state in CONSTANTS:
@@ -65,11 +65,11 @@ def _found(solution: Solution) -> list[str]:
         value, sd = (solution.constants[key][0] for key in (name, f"{name}_sd"))
         if sd < LEARNED * prior[state]:
             found.append(f"{name} {value:+.2g} +- {sd:.1g}")
-    return [f"found (SI units, 1 sd): {', '.join(found)}"] if found else []
+    return [f"estimated constants (SI units, 1 sd): {', '.join(found)}"] if found else []
 
 
 def _offsets(solution: Solution) -> list[str]:
-    """On an angle whose mean no sensor of this drive can tell."""
+    """On an angle whose mean is not observable in this drive."""
     sentences = []
     for name, column in (("grade", Output.GRADE), ("bank", Output.BANK)):
         sd = float(np.median(solution.offset_sd[solution.known, column]))

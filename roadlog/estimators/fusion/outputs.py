@@ -1,6 +1,6 @@
 """What `fusion` gives back: angles as functions of its states, and their variances.
 
-Rows and variances of the fusion chapter, sections 4 (body) and 7 (outputs).
+Source: docs/methods/fusion.md#outputs.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ DEG = np.pi / 180
 
 @dataclass(frozen=True)
 class FusionParameters:
-    """Fusion chapter, sections 3 (priors), 5 (process) and 6 (rows), unless said."""
+    """docs/methods/fusion.md#parameters-of-fusion."""
 
     smooth: bool = parameter(
         True, "", "look ahead; without, each sample is of the past alone, but for the noise levels"

@@ -1,6 +1,6 @@
 """What `fusion` assumes of every state before it sees the drive.
 
-Source: fusion chapter, section 3.
+Source: docs/methods/fusion.md#states.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ TILT_SD = 3 * DEG  # of the first roll and pitch: dv/dt over two seconds is no b
 BODY_SD = 0.1 * DEG  # body angle that the gradients do not explain
 ACCEL_BIAS_AXES = (1.0, 1.0, 2.0)  # times `accel_bias_sd`: z is the worst axis of a MEMS sensor
 SLIP_GRADIENT, SLIP_GRADIENT_SD = 0.008, 0.004  # rad/(m/s2), of passenger cars
-GIVEN_GAIN = 0.08  # share by which a suspension gradient of a vehicle file is wrong (section 8.4)
+GIVEN_GAIN = 0.08  # share by which a suspension gradient of a vehicle file is wrong
 GNSS_DELAY_FACTOR = 3.0  # a receiver's speed may be later than a car's by so much
 KNOWN_AXLE_SD = 0.05  # m, of the rear axle's place where the IMU's is known
 UNKNOWN_AXLE, UNKNOWN_AXLE_SD = -1.4, 0.7  # m, from an IMU at the dashboard
@@ -75,7 +75,7 @@ def _gradient_sd(vehicle: Vehicle, axis: str, gradient: float, unknown: float) -
 
 
 def _know_torque(mean: Floats, P0: Floats, bias: float, sd: float) -> None:
-    """Put the accelerometer bias that the wheel torques tell into the prior (section 6)."""
+    """The bias by the wheel torques into the prior; docs/methods/fusion.md#torques."""
     h = np.zeros(N)
     h[State.ACCEL_BIAS_X], h[State.MOUNTING_PITCH] = 1.0, G
     gain = P0 @ h / (h @ P0 @ h + sd**2)

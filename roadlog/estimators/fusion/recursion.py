@@ -1,6 +1,6 @@
 """One step of the recursion of `fusion`, alike in both engines: prediction, rows, robust weight.
 
-Source: fusion chapter, sections 5 (process), 6 (rows, robust) and 7 (gaps, iteration).
+Source: docs/methods/fusion.md#process, docs/methods/fusion.md#smoother.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def residual_row(
 
 @njit(cache=True)
 def soft_variance(residual: float, spread: float, sd: float, gate: float) -> float:
-    """Measurement variance that grows with an outlier (section 6, robust).
+    """Measurement variance that grows with an outlier; docs/methods/fusion.md#robust-weighting.
 
     spread: variance h P h' of the prediction. A hard gate would lock out after gaps.
     """

@@ -1,7 +1,7 @@
 """The measurement rows of `fusion`, each written once: residual, standard deviation, gate, h.
 
 Both engines run these functions.
-Source: fusion chapter, section 6.
+Source: docs/methods/fusion.md#measurement-rows.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from roadlog.units import STANDARD_GRAVITY as G
 def row(
     kind: int, k: int, x: Floats, steps: Steps, noise: Noise, h: Floats
 ) -> tuple[float, float, float]:
-    """One measurement row at step k, linearised at x (section 6).
+    """One measurement row at step k, linearized at x.
 
     Writes the row of the measurement matrix into h (29,). Returns residual z - h(x), its sd and the
     gate in sd (0: no gate); the residual is NaN where there is no such measurement at this step.

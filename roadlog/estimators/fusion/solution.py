@@ -1,6 +1,6 @@
 """What the smoother of `fusion` found: angles, their variances, and the constants of the drive.
 
-Source: fusion chapter, section 7 (outputs).
+Source: docs/methods/fusion.md#outputs.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
 ROAD_BAND = 1.5  # Hz, what changes faster is the body on its springs, not the road
-UNKNOWN_ARM = 0.03  # m/s2, of an accelerometer bias that curves tell an IMU of unknown place (10.4)
+UNKNOWN_ARM = 0.03  # m/s2, of an accelerometer bias found in curves, the IMU's place unknown
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def _constants(fit: Fit, smoothed: Smoothed) -> dict[str, Floats]:
 def _unknown_arm(vehicle: Vehicle, steps: Steps) -> Floats:
     """rad2, variance of grade and bank that curves leave where the IMU's place is not known.
 
-    Its own acceleration in a bend looks like a bias; climb or altitude tell the grade better.
+    Its own acceleration in a bend looks like a bias; climb or altitude keep it out of the grade.
     """
     if vehicle.imu_position is not None:
         return np.zeros(2)

@@ -1,6 +1,6 @@
 """The speed channel that `fusion` rests on, and by how much a receiver lags behind it.
 
-Source: fusion chapter, sections 4 (inputs), 6 (speed row) and 8.2 (delays).
+Source: docs/methods/fusion.md#speed-source, docs/methods/fusion.md#receiver-delay.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from roadlog.drive import Drive, Samples, nan_mean
 from roadlog.estimators.fusion.steps import RATE
 from roadlog.types import Bools, Floats
 
-SPEED_GAP = 3.0  # s without speed, flagged (section 7)
+SPEED_GAP = 3.0  # s without speed, flagged
 STANDSTILL_GAP = 1.0  # s, speed is interpolated across for the standstill mask
 GNSS_DELAYS = np.arange(-29, 151) / 100  # s, tried for the receiver against the car's own speed
 DELAY_CORRELATION = (
@@ -101,11 +101,10 @@ def known_samples(time: Floats, value: Floats) -> tuple[Floats, Floats]:
 
 
 def gnss_delay(drive: Drive, source: SpeedSource) -> float:
-    """s, by which the receiver lags behind the car's own speed; 0 where that cannot be told.
+    """s, by which the receiver lags behind the car's own speed; 0 where that is not observable.
 
     The delay that leaves the least squares of v_gnss(t) - (a + b v(t - delay)), with its standard
-    error from the curvature; section 8.2 asks the same of band-passed accelerations, which a
-    receiver at 1 Hz does not have.
+    error from the curvature: a receiver at 1 Hz has no accelerations to compare.
     """
     gnss = drive.native.get("gnss", Samples(np.empty(0), {}))
     if source.name == "gnss" or "speed" not in gnss.columns or len(source.time) < 2:

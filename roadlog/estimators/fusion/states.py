@@ -1,6 +1,6 @@
 """The states and the measurement rows of `fusion`, by name.
 
-Source: fusion chapter, sections 3 (states) and 6 (rows).
+Source: docs/methods/fusion.md#states, docs/methods/fusion.md#measurement-rows.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What the smoother of `fusion` is fed: one row a step, on a grid of its own.
 
-Source: fusion chapter, section 4.
+Source: docs/methods/fusion.md#inputs.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from roadlog.drive import Drive
 from roadlog.types import Bools, Floats
 
-RATE = 50.0  # Hz, of the smoother's steps; 25 Hz gives the same (section 10.6)
-LEARNING = 600.0  # s of driving in which noise and mounting show; more costs time and tells little
+RATE = 50.0  # Hz, of the smoother's steps; 25 Hz gives the same
+LEARNING = 600.0  # s of driving in which noise and mounting are observable; more costs time
 OF_THE_DRIVE = ("dt", "starts", "antenna", "height")  # what `Steps` has not one of at each step
 
 
@@ -32,7 +32,11 @@ class Fix(IntEnum):
     CLOSURE = 7  # m, altitude less that of an earlier visit of the place: 0
 
 
-HEIGHTS = (Fix.UP, Fix.ALTITUDE, Fix.BAROMETER)  # what tells the grade without the accelerometer
+HEIGHTS = (
+    Fix.UP,
+    Fix.ALTITUDE,
+    Fix.BAROMETER,
+)  # by which the grade is observable without the accelerometer
 
 
 class Sway(IntEnum):

@@ -1,6 +1,6 @@
-"""What the wheel torques tell `fusion` of the accelerometer's bias along the car.
+"""The accelerometer's bias along the car by the wheel torques.
 
-Source: fusion chapter, section 8.6.
+Source: docs/methods/fusion.md#torques.
 """
 
 from __future__ import annotations
