@@ -45,6 +45,10 @@ UNITS: dict[str, tuple[str, float]] = {
     "kN m": ("torque", 1e3),
 }
 
+# how a column may write the time besides a number of a unit: of the day, days since 1899-12-30
+# (spreadsheets) and since the year 0 (MATLAB), and a date as one number
+CLOCK_FORMS = ("hhmmss", "excel", "datenum", "yyyymmddhhmmss")
+
 _SPELLINGS = {
     "m/s2": "m/s^2",
     "m/s²": "m/s^2",

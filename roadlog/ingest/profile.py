@@ -20,7 +20,7 @@ from roadlog.errors import ConfigError, near
 from roadlog.ingest.frame import Frame
 from roadlog.signals import SECTIONS
 from roadlog.types import Bools, Floats
-from roadlog.units import to_si
+from roadlog.units import CLOCK_FORMS, to_si
 
 AXES = "xyz"
 CLOCKS = ("log", "publish", "header")
@@ -303,7 +303,7 @@ def _clock(table: Any, where: str) -> Clock:
     clock = Clock(**table)
     if clock.clock not in CLOCKS:
         raise ConfigError(f"{here}: clock must be one of {', '.join(CLOCKS)}, not '{clock.clock}'")
-    if clock.unit:
+    if clock.unit and clock.unit not in CLOCK_FORMS:
         _factor(clock.unit, "s", here)
     return clock
 

@@ -154,7 +154,10 @@ def _flag(frame: Frame, column: str) -> str:
         for c, values in frame.columns.items()
         if "valid" in c.lower() and c != column and values.dtype.kind in "bifu"
     ]
-    if len(flags) != 1 or not set(np.unique(frame.columns[flags[0]])) <= {0, 1}:
+    if len(flags) != 1:
+        return ""
+    states = np.unique(frame.columns[flags[0]])  # one that the source calls invalid is unknown
+    if not set(states[np.isfinite(states)].tolist()) <= {0, 1}:
         return ""
     return f"{flags[0]} == 1"
 

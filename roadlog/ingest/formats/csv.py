@@ -3,43 +3,26 @@
 from __future__ import annotations
 
 import codecs
-import csv
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from roadlog.errors import LogReadError
+from roadlog.errors import ConfigError, LogReadError
 from roadlog.ingest.formats import times
 from roadlog.ingest.formats.base import Format
+from roadlog.ingest.formats.csv_layout import NOTHING, Layout, layout
+from roadlog.ingest.formats.row_clock import RowClock
+from roadlog.ingest.formats.text import decoded
 from roadlog.ingest.frame import Frame, Recording, absent
 from roadlog.ingest.profile import Profile
 from roadlog.spool import Spool
 
 BLOCK = 1 << 24  # bytes parsed at a time: bounds the memory of text beside that of numbers
-HEAD = 1 << 16  # bytes in which the header and the first row are
 WORD = 64  # bytes of a cell that is no number; no date is longer
 SHORTEST_ROW = 2  # bytes
-PREAMBLE = ("#", "%", "//", "sep=")  # comments, and Excel's word on the delimiter
-_BLANKS = frozenset(("", "-", "na", "n/a", "null", "none", "nan", "inf", "-inf"))
-
-
-@dataclass(frozen=True)
-class Layout:
-    """How a text table is written.
-
-    encoding: of the text. delimiter: between fields. names, units: of the columns, units where a
-    row under the names has them. start: bytes before the first row of numbers.
-    """
-
-    encoding: str
-    delimiter: str
-    names: list[str]
-    units: dict[str, str]
-    start: int
 
 
 def recognizes(path: Path) -> bool:
@@ -58,43 +41,6 @@ def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
     return set(layout(path).names)
 
 
-def layout(path: Path) -> Layout:
-    """Encoding, delimiter and names. Raises LogReadError when it is no text table."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(HEAD)
-    except OSError as error:
-        raise LogReadError(f"{path}: cannot be opened: {error.strerror}") from error
-    encoding = _encoding(head)
-    if not encoding.startswith("utf-16"):
-        head = head.rstrip(b"\0")  # a block that a logger did not come to fill
-        if b"\0" in head:
-            raise LogReadError(f"{path}: is no text table")
-    lines = _lines(head, encoding)
-    start = 0
-    delimiter = ""
-    while lines and (not lines[0][0].strip() or lines[0][0].lstrip().startswith(PREAMBLE)):
-        line, size = lines.pop(0)
-        start += size
-        if line.startswith("sep="):
-            delimiter = line.strip()[4:5]
-    if not lines:
-        raise LogReadError(f"{path}: is empty; nothing to ingest")
-    if start + lines[0][1] >= HEAD:
-        raise LogReadError(f"{path}: is no text table: its first line does not end")
-    delimiter = delimiter or max(("\t", ";", ","), key=lines[0][0].count)
-    header = [name.strip() for name in _fields(lines[0][0], delimiter)]
-    if header and not header[-1]:
-        header.pop()  # a delimiter at the end of the line
-    start += lines[0][1]
-    units: dict[str, str] = {}
-    if len(lines) > 2 and lines[1][0].strip() and not any(map(str.isdigit, lines[1][0])):
-        below = (unit.strip(" []()") for unit in _fields(lines[1][0], delimiter))
-        units = dict(zip(header, below, strict=False))
-        start += lines[1][1]
-    return Layout(encoding, delimiter, header, units, start)
-
-
 def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """The columns that the profile reads; of the others only the names (as empty columns).
 
@@ -102,39 +48,42 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """
     del dbc
     found = layout(path)
-    if len(set(found.names)) < len(found.names):
-        twice = sorted({name for name in found.names if name and found.names.count(name) > 1})
-        if twice:
-            raise LogReadError(f"{path}: column {', '.join(twice)} is there twice; rename one")
-    if all(_is_number(name) for name in found.names):
-        raise LogReadError(f"{path}: its first line holds numbers; put the columns' names there")
+    for name in profile.names.intersection(found.names):
+        if f"{name} (2)" in found.names:
+            raise LogReadError(f"{path}: column {name} is there twice; rename one")
+    if found.headless and profile.clock.column not in found.names:
+        raise ConfigError(
+            f"{path}: its first line holds numbers; put the columns' names there, or call them "
+            f"'{found.names[0]}' to '{found.names[-1]}' in the profile ([time] column first)"
+        )
     clock = times.time_column(found.names, profile.clock.column, str(path))
     wanted = [clock, *(n for n in found.names if n != clock and profile.reads(n))]
-    reading = _Reading(path, found, wanted, profile.clock.unit)
+    unit = times.unit_stated(profile.clock.unit, found.units.get(clock, ""))
+    reading = _Reading(path, found, wanted, RowClock(unit, profile.clock.zone))
     with path.open("rb") as file:
         file.seek(found.start)
         for block in _blocks(file, found.encoding):
             reading.take(block)
-    time = reading.time.column()
-    if not len(time):
+    if not len(reading.clock):
         reading.nothing()
+    time, notes = reading.clock.stamps(path.name)
     columns = {
         n: reading.column(n) if n in wanted else absent(len(time))
         for n in found.names
         if n != clock
     }
-    return Recording((Frame("", path.name, time, columns, found.units),), tuple(reading.losses()))
+    frame = Frame("", path.name, time, columns, found.units)
+    return Recording((frame,), tuple(reading.losses()), tuple(notes))
 
 
 class _Reading:
     """Columns of one file as its blocks come."""
 
-    def __init__(self, path: Path, found: Layout, wanted: list[str], unit: str) -> None:
+    def __init__(self, path: Path, found: Layout, wanted: list[str], clock: RowClock) -> None:
         self.path = path
         self.layout = found
         self.wanted = wanted
-        self.unit = unit
-        self.time = Spool(np.int64)
+        self.clock = clock
         self.columns = [Spool(np.float64) for _ in wanted[1:]]
         self.picks = np.full(len(found.names), -1)
         for place, name in enumerate(wanted):
@@ -179,7 +128,7 @@ class _Reading:
 
         def text(row: int, place: int) -> str:
             start, end = spans[row, place]
-            return _decoded(data[start : min(end, start + WORD)].tobytes()).strip().strip('"')
+            return decoded(data[start : min(end, start + WORD)].tobytes()).strip().strip('"')
 
         time = kinds[:, 0]
         if 2 * (time == numbers.TEXT).sum() > (time != numbers.BLANK).sum():
@@ -190,12 +139,8 @@ class _Reading:
             raw = values[:, 0]
         if (time == numbers.BLANK).all():
             keep = np.zeros(rows, np.bool_)
-            stamps = np.empty(0, np.int64)
         else:
-            if not self.unit and raw.dtype != object:
-                self.unit = times.unit_of(raw, str(self.path))
-            stamps, keep = times.stamps(raw, self.unit, str(self.path), self.rows)
-        self.time.append(stamps)
+            keep = self.clock.add(raw, str(self.path))
         self.timeless += int(rows - keep.sum())
         for place, spool in enumerate(self.columns, 1):
             column = values[:, place]
@@ -203,7 +148,7 @@ class _Reading:
             self.numbers[place] += int((kinds[:, place] != numbers.BLANK).sum()) - len(odd)
             for row in odd.tolist():
                 word = text(row, place)
-                if word.lower() not in _BLANKS:
+                if word.lower() not in NOTHING:
                     first = self.texts.get(place, (self.rows + row + 1, word, 0))
                     self.texts[place] = (*first[:2], first[2] + 1)
             spool.append(column if keep.all() else column[keep])
@@ -213,7 +158,7 @@ class _Reading:
         """The values; texts where there is no number at all."""
         place = self.wanted.index(name)
         if place in self.texts and not self.numbers[place]:
-            return np.full(len(self.time), self.texts[place][1], object)
+            return np.full(len(self.clock), self.texts[place][1], object)
         return self.columns[place - 1].column()
 
     def losses(self) -> list[str]:
@@ -251,57 +196,6 @@ class _Reading:
             else ""
         )
         return f"{self.bad} rows have not the {width} fields of the header but {self.odd}{why}"
-
-
-def _encoding(head: bytes) -> str:
-    """By the mark at the start, or by where the zeros of ASCII characters are."""
-    if head.startswith(codecs.BOM_UTF8):
-        return "utf-8-sig"
-    if head.startswith(codecs.BOM_UTF16_LE):
-        return "utf-16-le"
-    if head.startswith(codecs.BOM_UTF16_BE):
-        return "utf-16-be"
-    pairs = np.frombuffer(head[: len(head) // 2 * 2], np.uint8).reshape(-1, 2)
-    zeros = (pairs == 0).mean(axis=0) if len(pairs) else np.zeros(2)
-    if zeros[1] > 0.5 and not zeros[0]:
-        return "utf-16-le"
-    if zeros[0] > 0.5 and not zeros[1]:
-        return "utf-16-be"
-    try:
-        head.decode("utf-8")
-    except UnicodeDecodeError as error:
-        if error.start < len(head) - 4:  # not a character that the end of the head cuts
-            return "cp1252"
-    return "utf-8"
-
-
-def _lines(head: bytes, encoding: str) -> list[tuple[str, int]]:
-    """The first lines and their sizes in bytes; in single-byte text each decoded as it can be."""
-    if not encoding.startswith("utf-16"):
-        return [(_decoded(line), len(line)) for line in head.splitlines(keepends=True)]
-    text = head[: len(head) // 2 * 2].decode(encoding, "replace")
-    lines = [f"{line}\n" for line in text.split("\n")]
-    return [(line.removeprefix("\ufeff"), len(line.encode(encoding))) for line in lines]
-
-
-def _decoded(line: bytes) -> str:
-    """UTF-8, or where it is not (a unit written by another program), Windows-1252."""
-    try:
-        return line.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return line.decode("cp1252", "replace")
-
-
-def _fields(line: str, delimiter: str) -> list[str]:
-    return next(csv.reader([line.strip("\r\n")], delimiter=delimiter), [])
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True
 
 
 def _blocks(file: IO[bytes], encoding: str) -> Iterator[bytes]:

@@ -10,6 +10,7 @@ NUMBER, BLANK, TEXT, INTEGER = 0, 1, 2, 3  # what a cell holds; INTEGER: exact i
 
 _QUOTE, _CR, _LF, _SPACE, _TAB = 34, 13, 10, 32, 9
 _POINT, _COMMA, _PLUS, _MINUS, _ZERO, _E = 46, 44, 43, 45, 48, 101
+_HASH, _PERCENT, _SLASH = 35, 37, 47  # a line of remarks begins with #, % or //
 _DIGITS = 19  # that an unsigned 64-bit integer holds
 _SPLIT = 134217729.0  # 2^27 + 1: Veltkamp's constant for halves of a double
 _LARGEST = 300  # power of ten in the table
@@ -102,10 +103,11 @@ def _cell(data, start, end, comma):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def parse(data, delimiter, comma, width, picks, kinds, values, integers, spans):  # type: ignore[no-untyped-def]
-    """Rows of a block that ends with a line feed.
+    """Rows of a block that ends with a line feed; lines of remarks are passed over.
 
-    data: uint8. delimiter: byte. comma: decimal commas are allowed (in quotes they always are).
-    width: fields of a row; one more that is empty is a delimiter at the end. picks: column ->
+    data: uint8. delimiter: byte, a blank for runs of blanks. comma: decimal commas are allowed (in
+    quotes they always are). width: fields of a row; one more that is empty is a delimiter at the
+    end. picks: column ->
     place among the wanted, -1 for none. Filled, one row each: kinds, values, integers of the
     first wanted column, spans (start and end in data). Returns rows, bytes used (a row that is
     not complete is left), rows of another width, and the width of the first of these.
@@ -117,6 +119,13 @@ def parse(data, delimiter, comma, width, picks, kinds, values, integers, spans):
         complete = False
         blank = True
         last_blank = False
+        if data[k] == _HASH or data[k] == _PERCENT or data[k] == _SLASH:
+            while k < size and data[k] != _LF:
+                k += 1
+            if k < size:
+                k += 1
+                used = k
+                continue
         while k < size:
             while k < size and data[k] == _SPACE:
                 k += 1
@@ -138,6 +147,12 @@ def parse(data, delimiter, comma, width, picks, kinds, values, integers, spans):
                 end = k
                 if end > start and data[end - 1] == _CR:
                     end -= 1
+                if delimiter == _SPACE:
+                    last = k
+                    while last < size and data[last] == _SPACE:
+                        last += 1
+                    if last < size and (data[last] == _LF or data[last] == _CR):
+                        k = last + (1 if data[last] == _CR else 0)  # blanks at the end of a line
             if k >= size:
                 break
             last_blank = end == start

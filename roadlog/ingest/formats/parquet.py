@@ -14,6 +14,7 @@ from roadlog.ingest.formats import times
 from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.magic import begins
 from roadlog.ingest.formats.parsers import guarded
+from roadlog.ingest.formats.row_clock import RowClock
 from roadlog.ingest.frame import Frame, Recording, absent
 from roadlog.ingest.profile import Profile
 from roadlog.spool import ROWS, Spool
@@ -42,26 +43,22 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     names_ = file.schema_arrow.names
     clock = times.time_column(names_, profile.clock.column, str(path))
     wanted = [name for name in names_ if name != clock and profile.reads(name)]
-    unit, rows = profile.clock.unit, 0
-    time = Spool(np.int64)
+    rows = RowClock(profile.clock.unit, profile.clock.zone)
     spools = {name: Spool(np.float64) for name in wanted}
     texts: dict[str, object] = {}
     for batch in _batches(path, file, [clock, *wanted]):
-        raw = batch[clock]
-        if not unit and raw.dtype.kind in "iuf":
-            unit = times.unit_of(raw, str(path))
-        stamps, keep = times.stamps(raw, unit, str(path), rows)
-        time.append(stamps)
-        rows += len(raw)
+        keep = rows.add(batch[clock], str(path))
         for name in wanted:
             values = batch[name][keep]
+            if values.dtype.kind == "m":
+                values = np.where(np.isnat(values), np.nan, values / np.timedelta64(1, "s"))
             if values.dtype.kind in "bifu":
                 spools[name].append(values)
             elif len(values):
                 texts[name] = values[0]
-    if not rows:
+    if not rows.rows:
         raise LogReadError(f"{path}: has columns but no rows")
-    stamps = time.column()
+    stamps, notes = rows.stamps(path.name)
     columns: dict[str, NDArray] = {
         name: spools[name].column() if name in spools else absent(len(stamps))
         for name in names_
@@ -69,9 +66,9 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     }
     for name, text in texts.items():
         columns[name] = np.broadcast_to(np.array(str(text), object), len(stamps))
-    lost = rows - len(stamps)
+    lost = rows.rows - len(stamps)
     losses = (f"{path.name}: {lost} rows without a time left out",) if lost else ()
-    return Recording((Frame("", path.name, stamps, columns),), losses)
+    return Recording((Frame("", path.name, stamps, columns),), losses, tuple(notes))
 
 
 def _opened(path: Path) -> Any:
@@ -96,6 +93,11 @@ def _array(column: Any) -> NDArray:
     if pyarrow.types.is_timestamp(column.type):
         column = column.cast(pyarrow.timestamp("ns", column.type.tz))
         return np.asarray(column.to_numpy(zero_copy_only=False).astype("datetime64[ns]"))
+    if pyarrow.types.is_duration(column.type):
+        return np.asarray(column.to_numpy(zero_copy_only=False).astype("timedelta64[ns]"))
+    if pyarrow.types.is_time(column.type):
+        whole = column.cast(pyarrow.time64("ns")).cast(pyarrow.int64())
+        return np.asarray(whole.to_numpy(zero_copy_only=False)).astype("timedelta64[ns]")
     if pyarrow.types.is_decimal(column.type) or pyarrow.types.is_boolean(column.type):
         column = column.cast(pyarrow.float64())
     return np.asarray(column.to_numpy(zero_copy_only=False))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from roadlog.errors import ConfigError, LogReadError, near
 from roadlog.types import Bools, Floats, Stamps
-from roadlog.units import to_si
+from roadlog.units import CLOCK_FORMS, to_si
 
 # forms that loggers write besides ISO 8601, up to the minute; month names are English
 FORMATS = (
@@ -36,6 +36,12 @@ _CLOCK = re.compile(
 )
 LAST_STAMP = 2**62  # ns, year 2116: int64 holds the difference of two stamps too
 MINUTE = 60 * 10**9 + 10**9  # ns, one with a leap second
+DAY = 86400 * 10**9  # ns
+EXCEL_1970, DATENUM_1970 = 25569.0, 719529.0  # 1970-01-01 in days of spreadsheets and of MATLAB
+DAYS = {"excel": (30000.0, 60000.0), "datenum": (720000.0, 760000.0)}  # 1982 to 2064, to 2080
+LARGEST_DAY_STEP = 2e-4  # 17 s
+DATES = (1.9e13, 2.1e13)  # yyyymmddhhmmss
+SLOWEST = 2.0  # s between rows of a time of day
 TIME_NAMES = ("time_ns", "time", "t", "timestamp", "timestamps", "time_s", "seconds", "datetime")
 
 
@@ -58,18 +64,20 @@ def time_column(names: Sequence[str], column: str, where: str) -> str:
     )
 
 
-def stamps(values: NDArray, unit: str, where: str, before: int = 0) -> tuple[Stamps, Bools]:
+def stamps(
+    values: NDArray, unit: str, where: str, before: int = 0, zone: str = ""
+) -> tuple[Stamps, Bools]:
     """ns of each row of a time column that has one, and which rows these are.
 
-    values: numbers, datetime64 or texts. before: rows before these, for messages. Raises
-    LogReadError naming the first row where none has a time, ConfigError for a unit that is not
-    clear.
+    values: numbers, datetime64, timedelta64 or texts. before: rows before these, for messages.
+    zone: of dates without one. Raises LogReadError naming the first row where none has a time,
+    ConfigError for a unit that is not clear.
     """
-    if values.dtype.kind == "M":
+    if values.dtype.kind in "Mm":
         keep: Bools = ~np.isnat(values)
-        return values[keep].astype("datetime64[ns]").astype(np.int64), keep
+        return values[keep].astype(f"{values.dtype.kind}8[ns]").astype(np.int64), keep
     if values.dtype.kind in "OUS":
-        return from_texts([str(value) for value in values], where, before)
+        return from_texts([str(value) for value in values], where, before, zone)
     keep = np.isfinite(values)
     if not keep.any():
         raise LogReadError(f"{where}: the time column holds no number")
@@ -89,6 +97,8 @@ def from_numbers(values: NDArray, unit: str) -> tuple[Stamps, Bools]:
 
     The first one keeps its full value.
     """
+    if unit in CLOCK_FORMS:
+        return _from_form(values, unit)
     nanoseconds = round(to_si(unit, "s") * 1e9)
     keep: Bools = np.abs(values.astype(np.float64)) < LAST_STAMP / nanoseconds  # not so for NaN
     kept = values[keep]
@@ -99,10 +109,34 @@ def from_numbers(values: NDArray, unit: str) -> tuple[Stamps, Bools]:
     return whole.astype(np.int64) * nanoseconds + rest, keep
 
 
-def from_texts(texts: Sequence[str], where: str, before: int = 0) -> tuple[Stamps, Bools]:
+def _from_form(values: NDArray, form: str) -> tuple[Stamps, Bools]:
+    """ns from one of CLOCK_FORMS."""
+    keep: Bools = np.isfinite(values.astype(np.float64))
+    numbers = values[keep].astype(np.float64)
+    if form in ("excel", "datenum"):
+        days = numbers - (EXCEL_1970 if form == "excel" else DATENUM_1970)
+        return np.rint(days * DAY * 1e-3).astype(
+            np.int64
+        ) * 1000, keep  # to a us: what doubles hold
+    whole = np.floor(numbers)
+    rest = np.rint((numbers - whole) * 1e9).astype(np.int64)
+    clock = (whole % 1e6).astype(np.int64)
+    seconds = clock // 10000 * 3600 + clock // 100 % 100 * 60 + clock % 100
+    if form == "yyyymmddhhmmss":
+        date = (whole // 1e6).astype(np.int64)
+        months = (date // 10000 - 1970) * 12 + date // 100 % 100 - 1
+        first = months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
+        seconds = seconds + (first + date % 100 - 1) * 86400
+    return seconds * 10**9 + rest, keep
+
+
+def from_texts(
+    texts: Sequence[str], where: str, before: int = 0, zone: str = ""
+) -> tuple[Stamps, Bools]:
     """ns since the epoch from dates and times, and which are understood.
 
-    A time without zone is taken as UTC. Raises LogReadError naming the first row where none is.
+    A time without zone is taken in `zone`, else as UTC. Raises LogReadError naming the first row
+    where none is.
     """
     minutes: dict[tuple[str, str], int | None] = {}  # what stands around the seconds -> ns
     result = np.empty(len(texts), np.int64)
@@ -114,7 +148,7 @@ def from_texts(texts: Sequence[str], where: str, before: int = 0) -> tuple[Stamp
         head, seconds, fraction, tail = match.groups()
         key = head, tail
         if key not in minutes:
-            minutes[key] = _minute(head, tail)
+            minutes[key] = _minute(head, tail, zone)
         minute = minutes[key]
         if minute is not None:
             rest = int(seconds) * 10**9 + int((fraction or "0")[:9].ljust(9, "0"))
@@ -138,7 +172,7 @@ def of_text(text: str) -> int | None:
     return minute + int(match[2]) * 10**9 + int((match[3] or "0")[:9].ljust(9, "0"))
 
 
-def _minute(head: str, tail: str) -> int | None:
+def _minute(head: str, tail: str, zone: str = "") -> int | None:
     """ns of a moment without its seconds: `2019-05-24T18:11` and `Z`; None for no such moment."""
     tail = tail.strip()
     text = head.strip()
@@ -150,9 +184,10 @@ def _minute(head: str, tail: str) -> int | None:
             moment = datetime.fromisoformat(f"{text}:00{tail}")
     except ValueError:
         return None
+    clock = bool(form and form.startswith(("%H", "%I")))
     if moment.tzinfo is None:
-        moment = moment.replace(tzinfo=UTC)
-    if form and form.startswith(("%H", "%I")):
+        moment = moment.replace(tzinfo=zone_of(zone) if zone and not clock else UTC)
+    if clock:
         moment = moment.replace(year=1970)  # a clock without a date starts at the epoch
     delta = moment - datetime(1970, 1, 1, tzinfo=UTC)
     nanoseconds = (delta.days * 86400 + delta.seconds) * 10**9
@@ -173,11 +208,20 @@ def guess_unit(values: Floats) -> str:
     Raises ConfigError when the step could be either seconds or milliseconds.
     """
     first = float(values[0])
+    steps = np.diff(values)
+    moved = steps[steps != 0]  # coarse stamps repeat
+    step = float(np.median(moved)) if len(moved) else 0.01
+    if DATES[0] < first < DATES[1]:
+        return "yyyymmddhhmmss"
+    for unit, (low, high) in DAYS.items():
+        if low < first < high and 0 < step < LARGEST_DAY_STEP:
+            return unit
     for unit, epoch in (("ns", 1e17), ("us", 1e14), ("ms", 1e11), ("s", 1e8)):
         if abs(first) >= epoch:
             return unit
-    step = float(np.median(np.diff(values))) if len(values) > 1 else 0.01
-    if step < 1.0:
+    if _are_of_day(values):
+        return "hhmmss"
+    if step < 1.0 or (step == 1.0 and len(moved) < len(steps) / 2):
         return "s"
     if step.is_integer() and len(values) > 1 and np.all(values == np.floor(values)) and step >= 5:
         return "ms"
@@ -187,9 +231,21 @@ def guess_unit(values: Floats) -> str:
     )
 
 
+def _are_of_day(values: Floats) -> bool:
+    """Whether numbers are hhmmss: minutes go by, and never a second beyond 59."""
+    whole = np.floor(values)
+    minutes = np.unique(whole // 100)
+    if len(minutes) < 2 or values.min() < 0 or values.max() >= 240000:
+        return False
+    near = bool(np.median(np.abs(np.diff(values))) <= SLOWEST)
+    return near and bool((whole % 100 < 60).all() and (minutes % 100 < 60).all())
+
+
 def unit_stated(*units: str) -> str:
     """The first of some units that is one of time; empty for none."""
     for unit in units:
+        if unit in CLOCK_FORMS:
+            return unit
         with suppress(ConfigError):
             if unit and to_si(unit, "s"):
                 return unit

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from roadlog.errors import ConfigError, LogReadError, near
-from roadlog.ingest.formats.csv import layout
+from roadlog.ingest.formats.csv_layout import layout
 from roadlog.ingest.reference import gnss as truth
 from roadlog.signals import SECTIONS
 from roadlog.storage import Table

@@ -1,0 +1,97 @@
+"""The clock of a table: its time column, block by block, to stamps."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roadlog.ingest.formats import times
+from roadlog.spool import Spool, blocks, release
+from roadlog.types import Bools, Stamps
+
+HALF_DAY = times.DAY // 2
+REPEATED = 0.5  # share of stamps that repeat the one before from which they are coarse
+GAP = 1.5  # median steps; after more than that the rows were not spread over the step
+
+
+class RowClock:
+    """Stamps of a time column as its blocks come.
+
+    unit: of numbers; where nothing states it, by their size. zone: of dates without one.
+    """
+
+    def __init__(self, unit: str = "", zone: str = "") -> None:
+        self.unit = unit
+        self.zone = zone
+        self.rows = 0
+        self.days = 0  # midnights passed by a clock without a date
+        self._last: int | None = None
+        self._stamps = Spool(np.int64)
+
+    def add(self, raw: NDArray, where: str) -> Bools:
+        """Which of some rows have a time. Raises LogReadError, ConfigError as `times.stamps`."""
+        numbers = raw.dtype.kind in "iufb"
+        if numbers and not self.unit and np.isfinite(raw).any():
+            self.unit = times.unit_of(raw, where)
+        stamps, keep = times.stamps(raw, self.unit, where, self.rows, self.zone)
+        self.rows += len(raw)
+        of_day = self.unit == "hhmmss" if numbers else raw.dtype.kind not in "Mm"
+        if of_day and len(stamps) and stamps.min() >= 0 and stamps.max() < times.DAY:
+            stamps = self._over_midnight(stamps)
+        self._stamps.append(stamps)
+        return keep
+
+    def _over_midnight(self, stamps: Stamps) -> Stamps:
+        before = stamps[0] if self._last is None else self._last
+        falls = np.diff(stamps, prepend=before) < -HALF_DAY
+        days = self.days + np.cumsum(falls)
+        self._last, self.days = int(stamps[-1]), int(days[-1])
+        return np.asarray(stamps + days * times.DAY)
+
+    def stamps(self, name: str) -> tuple[Stamps, list[str]]:
+        """All stamps, coarse ones spread evenly, and what there is to say of them."""
+        notes = []
+        if self.unit == "hhmmss":
+            notes.append(f"{name}: its time is a time of day (hhmmss)")
+        if self.days:
+            notes.append(f"{name}: its clock passes midnight")
+        time, said = spread(self._stamps.column(), name)
+        return time, notes + said
+
+    def __len__(self) -> int:
+        return len(self._stamps)
+
+
+def spread(time: Stamps, name: str) -> tuple[Stamps, list[str]]:
+    """Rows of coarse stamps put evenly between them, and a sentence where that was needed.
+
+    A logger that writes whole seconds gives ten rows of 10 Hz one stamp; taken as they are, nine
+    would be lost. Rows after the last change of stamp, and before a gap, lie as close as others.
+    """
+    repeats = sum(
+        int((np.diff(time[max(0, rows.start - 1) : rows.stop]) == 0).sum())
+        for rows in blocks(len(time))
+    )
+    release([time])
+    if len(time) < 3 or repeats < REPEATED * len(time):
+        return time, []
+    first = np.flatnonzero(np.diff(time, prepend=time[0] - 1))
+    counts = np.diff(first, append=len(time))
+    steps = np.diff(time[first])
+    if not len(steps) or (steps < 0).any():
+        return time, []
+    step, count = float(np.median(steps)), float(np.median(counts))
+    length = np.append(steps, step).astype(np.float64)
+    wide = length > GAP * step
+    length[wide] = step
+    pace = length / counts
+    short = counts < count / GAP  # a first, last or broken run is not spread over a whole step
+    pace[short] = step / count
+    within = np.arange(len(time)) - np.repeat(first, counts)
+    late = np.zeros(len(first))
+    if short[0]:
+        late[0] = step - pace[0] * counts[0]  # the log began within the step
+    offset = np.repeat(late, counts) + within * np.repeat(pace, counts)
+    even = time + np.rint(offset).astype(np.int64)
+    share = f"{count:.0f} rows each"
+    return even, [f"{name}: stamps of {step * 1e-9:g} s stand on {share}: spread evenly over it"]

@@ -1,0 +1,186 @@
+"""Text tables of every logger give the same drive, and their stamps mean what they say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from roadlog.errors import ConfigError
+from roadlog.ingest import ingest
+from roadlog.ingest.formats.csv_layout import layout
+from roadlog.ingest.formats.row_clock import spread
+
+ROWS = 240
+RATE = 20  # Hz
+TIMES = [k / RATE for k in range(ROWS)]
+SPEEDS = [round(50 + 0.05 * k, 3) for k in range(ROWS)]
+SPEED = '[speed]\nv = {{ from = "{}", unit = "km/h" }}\n'
+
+MOTEC = """"Format","MoTeC CSV File",,,"Workbook","Setup"
+"Venue","Track 2","","","Worksheet","1"
+"Sample Rate","20.000","Hz",,"Duration","12.000","s"
+
+"Time","Ground Speed","Fuel Level"
+"s","km/h","l"
+
+"""
+AIM = """"Format","AiM CSV File"
+"Session","Track"
+"Sample Rate","20"
+"Segment Times","1:02.3","1:03.1"
+
+"Time","GPS Speed","External Temp"
+"s","km/h","C"
+
+"""
+DEWESOFT = "Data info:\tdrive 7\nStart time:\t14.11.2023 22:13:20\n\n Time (s)\tv (km/h)\tT (°C)\n"
+CANAPE = "time;VehSpd;Temp_Coolant\ns;km/h;°C\n"
+DIADEM = "Comment;2 channels\nDate;14.11.2023\nTime;Speed;Level\ns;km/h;-\n"
+KINDS = ("motec", "aim", "dewesoft", "canape", "diadem", "commented", "blanks")
+KINDS += ("units", "comment", "trailing", "sep")
+COMMENTED = "# logger 3, firmware 1.2\n# time speed level\n"
+
+
+def rows(form: str = "{t},{v},{w}", comma: bool = False, between: str = "") -> str:
+    lines = []
+    for k, (t, v) in enumerate(zip(TIMES, SPEEDS, strict=True)):
+        line = form.format(t=t, v=v, w=k % 9)
+        lines.append(line.replace(".", ",") if comma else line)
+        if between and k == 100:
+            lines.append(between)
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "unit"),
+    [
+        (MOTEC + rows('"{t}","{v}","{w}"'), "Ground Speed", "km/h"),
+        (AIM + rows('"{t}","{v}","{w}"'), "GPS Speed", "km/h"),
+        (DEWESOFT + rows("{t}\t{v}\t{w}"), "v (km/h)", ""),
+        (CANAPE + rows("{t};{v};{w}", comma=True), "VehSpd", "km/h"),
+        (DIADEM + rows("{t};{v};{w}", comma=True), "Speed", "km/h"),
+        (COMMENTED + rows("{t} {v} {w}"), "speed", ""),
+        ("time   speed   level\n" + rows("  {t}    {v}   {w}  "), "speed", ""),
+        ("Time,Speed,Accel\ns,km/h,m/s2\n" + rows(), "Speed", "km/h"),
+        ("time,speed,level\n" + rows(between="# lap 2"), "speed", ""),
+        ("time,speed,level\n" + rows("{t},{v},{w},"), "speed", ""),
+        ("sep=;\ntime;speed;level\n" + rows("{t};{v};{w}"), "speed", ""),
+    ],
+    ids=[*KINDS],
+)
+def test_a_table_is_read_whatever_stands_around_its_numbers(tmp_path, text, name, unit):
+    path = tmp_path / "drive.csv"
+    path.write_text(text, encoding="utf-8")
+    profile = tmp_path / "p.toml"
+    time = "" if "Time (s)" not in text else '[time]\ncolumn = "Time (s)"\nunit = "s"\n'
+    profile.write_text(time + SPEED.format(name))
+    result = ingest([path], profile)
+    assert result.losses == []
+    (table,) = result.tables
+    np.testing.assert_allclose(table.columns["v"] * 3.6, SPEEDS)
+    np.testing.assert_allclose(table.time * 1e-9, TIMES, atol=1e-9)
+    assert layout(path).units.get(name, "") == unit
+
+
+def test_a_table_without_names_says_how_to_call_its_columns(tmp_path):
+    path = tmp_path / "drive.csv"
+    path.write_text(rows())
+    profile = tmp_path / "p.toml"
+    profile.write_text(SPEED.format("column 2"))
+    with pytest.raises(
+        ConfigError, match=r"its first line holds numbers.*'column 1' to 'column 3'"
+    ):
+        ingest([path], profile)
+    profile.write_text('[time]\ncolumn = "column 1"\nunit = "s"\n' + SPEED.format("column 2"))
+    np.testing.assert_allclose(ingest([path], profile).tables[0].columns["v"] * 3.6, SPEEDS)
+
+
+def stamps_of(folder: Path, stamps: list[str], time: str = "", **options: str):
+    path = folder / "drive.csv"
+    path.write_text(
+        "time,v\n" + "".join(f"{s},{v}\n" for s, v in zip(stamps, SPEEDS, strict=False))
+    )
+    profile = folder / "p.toml"
+    profile.write_text(time + SPEED.format("v"))
+    result = ingest([path], profile, **options)
+    return result.tables[0].time, result
+
+
+def of_day(second: float, form: str = "{h:02.0f}{m:02.0f}{s:05.2f}") -> str:
+    return form.format(h=second // 3600 % 24, m=second // 60 % 60, s=second % 60)
+
+
+@pytest.mark.parametrize("form", ["{h:02.0f}{m:02.0f}{s:05.2f}", "{h:02.0f}:{m:02.0f}:{s:05.2f}"])
+@pytest.mark.parametrize("start", [36_595.0, 86_395.0])
+def test_a_time_of_day_goes_over_minutes_and_midnight(tmp_path, form, start):
+    time, result = stamps_of(tmp_path, [of_day(start + t, form) for t in TIMES])
+    np.testing.assert_allclose(time * 1e-9, start + np.array(TIMES), atol=1e-6)
+    assert not result.losses
+    assert any("midnight" in note for note in result.notes) is (start > 86_000)
+
+
+@pytest.mark.parametrize(
+    ("form", "base"), [("{:.9f}", 45_244.5), ("{:.9f}", 739_204.5)], ids=["excel", "matlab"]
+)
+def test_days_are_days(tmp_path, form, base):
+    time, _ = stamps_of(tmp_path, [form.format(base + t / 86400) for t in TIMES])
+    start = (45_244.5 - 25_569) * 86400 if base < 1e5 else (739_204.5 - 719_529) * 86400
+    np.testing.assert_allclose(time * 1e-9 - start, TIMES, atol=2e-4)
+
+
+def test_a_date_in_one_number_is_a_date(tmp_path):
+    time, _ = stamps_of(tmp_path, [f"202311142213{20 + t:06.3f}" for t in TIMES])
+    np.testing.assert_allclose(time * 1e-9 - 1_700_000_000, TIMES, atol=0.003)
+
+
+@pytest.mark.parametrize(
+    ("form", "time"),
+    [("{:.0f}", '[time]\nunit = "s"\n'), ("2023-11-14 22:13:{:02.0f}", ""), ("{:.0f}", "")],
+    ids=["seconds", "dates", "unit by the step"],
+)
+def test_rows_of_whole_second_stamps_are_spread_and_said(tmp_path, form, time):
+    stamps, result = stamps_of(tmp_path, [form.format(t // 1) for t in TIMES], time)
+    assert len(stamps) == ROWS
+    np.testing.assert_allclose(np.diff(stamps) * 1e-9, 1 / RATE, atol=1e-6)
+    assert any("spread evenly" in note for note in result.notes)
+
+
+def test_coarse_stamps_that_start_within_a_second_and_have_a_hole():
+    true = np.r_[np.arange(0.7, 5, 0.1), np.arange(9.0, 12, 0.1)]
+    coarse = np.floor(true + 1e-6).astype(np.int64) * 10**9
+    even, said = spread(coarse, "x")
+    assert said
+    np.testing.assert_allclose(even * 1e-9, true, atol=0.051)
+    assert (np.diff(even) > 0).all()
+
+
+def test_a_zone_moves_dates_that_have_none(tmp_path):
+    dates = [f"2023-07-01 12:00:{t:06.3f}" for t in TIMES]
+    utc, _ = stamps_of(tmp_path, dates)
+    berlin, _ = stamps_of(tmp_path, dates, timezone="Europe/Berlin")
+    fixed, _ = stamps_of(tmp_path, dates, timezone="+02:00")
+    assert utc[0] - berlin[0] == utc[0] - fixed[0] == 7200 * 10**9
+    with pytest.raises(ConfigError, match="is no time zone"):
+        stamps_of(tmp_path, dates, timezone="Atlantis")
+
+
+def test_parquet_durations_and_times_are_stamps(tmp_path):
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    nanoseconds = np.rint(np.array(TIMES) * 1e9).astype(np.int64)
+    profile = tmp_path / "p.toml"
+    profile.write_text(SPEED.format("v"))
+    kinds = [pyarrow.duration("ns"), pyarrow.duration("ms"), pyarrow.time64("us")]
+    for kind in kinds:
+        column = pyarrow.array(nanoseconds.astype("timedelta64[ns]"))
+        if pyarrow.types.is_time(kind):
+            column = pyarrow.array(nanoseconds).cast(pyarrow.time64("ns")).cast(kind)
+        else:
+            column = column.cast(kind)
+        path = tmp_path / "drive.parquet"
+        parquet.write_table(pyarrow.table({"time": column, "v": SPEEDS}), path)
+        time = ingest([path], profile).tables[0].time
+        np.testing.assert_allclose(time * 1e-9, TIMES, atol=1e-9)
