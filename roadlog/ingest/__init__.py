@@ -15,6 +15,7 @@ from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.parsers import readable
 from roadlog.ingest.formats.times import zone_of
 from roadlog.ingest.frame import Frame, Recording, joined
+from roadlog.ingest.grid import one_grid
 from roadlog.ingest.mapping import Mapped
 from roadlog.ingest.profile import Profile, fitting, shipped
 from roadlog.ingest.reference import gnss as truth
@@ -101,6 +102,7 @@ def ingest(
             groups.append(clocks.Group(_files(members), signals))
             mapped += kinds
     signals, said = clocks.merged(groups, time_offsets or {})
+    signals, moved = one_grid(signals)
     tables = mapping.tables(signals)
     if truth_from is not None:
         gnss = str(truth_from) == "gnss"
@@ -120,7 +122,7 @@ def ingest(
         if given
         else [f"{s.path.name}: profile {s.profile.name}, found by itself" for s in opened]
     )
-    notes += [note for recording in recordings for note in recording.notes] + said
+    notes += [note for recording in recordings for note in recording.notes] + said + moved
     if ignored:
         notes.append(f"not a source: {', '.join(ignored)}")
     gaps = mapping.gaps(tables)

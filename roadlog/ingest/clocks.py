@@ -8,14 +8,15 @@ speed.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.ndimage import gaussian_filter1d
 
 from roadlog.errors import ConfigError, LogReadError, near
-from roadlog.ingest.mapping import Signals
+from roadlog.ingest.grid import Signals
+from roadlog.motion.lag import Track, shift
 from roadlog.types import Bools, Floats, Stamps
 
 RATE = 20.0  # Hz, grid of the correlation
@@ -27,27 +28,33 @@ MIN_SHARE = 0.4  # of the shorter recording
 MIN_CORRELATION = 0.5
 APART = 5.0  # s from the peak, where a second one is another answer
 MARGIN = 0.8  # the second answer's score at most, as a share of the best
-FINE = 2.0  # s about the speeds' answer, where the acceleration may refine it
-AGREE = 0.1  # s; clocks this near are left as they are: a receiver's latency is no offset
+FINE = 2.0  # s about the speeds' answer, where the acceleration is looked at
 MAX_OFFSET = 10.0  # s; more must be told
 ZONE = 900.0  # s, step of the world's time zones
 MAX_ZONE = 14 * 3600.0  # s
 LONGEST = 48 * 3600.0  # s of a recording whose clock can be compared
-DECORRELATION = 1.0  # s; errors of samples further apart than this are independent
+SECOND = 1_000_000_000  # ns
 
 
 @dataclass(frozen=True)
 class Offset:
     """What to add to a clock [s], its standard deviation, and how it was found.
 
-    correlation: at the peak. sure: no other offset comes near.
+    interval: s between the samples of the slower signal. correlation: at the peak. sure: no other
+    offset comes near.
     """
 
     seconds: float
     sd: float
+    interval: float
     correlation: float
     by: str
     sure: bool
+
+    @property
+    def applies(self) -> bool:
+        """Whether it is other than 0 beyond doubt, and known to half a sample."""
+        return abs(self.seconds) > 2 * self.sd and self.sd <= 0.5 * self.interval
 
 
 @dataclass(frozen=True)
@@ -59,11 +66,18 @@ class Group:
 
 
 @dataclass(frozen=True)
-class _Series:
-    """Values on a uniform grid of RATE from start [ns], NaN where unknown."""
+class _Side:
+    """What one recording has to compare: a speed, or an acceleration.
+
+    start: ns, of the grid and of the track's times. band: acceleration on a grid of RATE, without
+    what is slower or faster than the car; speed: on the grid, where it is one. NaN where unknown.
+    track: the same at its own stamps.
+    """
 
     start: int
-    values: Floats
+    band: Floats
+    speed: Floats | None
+    track: Track
 
 
 def merged(groups: Sequence[Group], fixed: Mapping[str, float]) -> tuple[Signals, list[str]]:
@@ -92,7 +106,18 @@ def merged(groups: Sequence[Group], fixed: Mapping[str, float]) -> tuple[Signals
             role: (time + moved if moved else time, values)
             for role, (time, values) in group.signals.items()
         }
-    return result, notes
+    return _after_zero(result, notes)
+
+
+def _after_zero(signals: Signals, notes: list[str]) -> tuple[Signals, list[str]]:
+    """The same, all moved by whole seconds where a stamp lies before 0: a log holds none there."""
+    first = min((int(time.min()) for time, _ in signals.values() if len(time)), default=0)
+    if first >= 0:
+        return signals, notes
+    seconds = -(first // SECOND)
+    said = f"the clock begins at {first * 1e-9:.3f} s: all stamps moved by +{seconds} s"
+    moved = {role: (time + seconds * SECOND, v) for role, (time, v) in signals.items()}
+    return moved, [*notes, said]
 
 
 def _label(group: Group) -> str:
@@ -125,8 +150,13 @@ def _aligned(reference: Signals, group: Group, where: str) -> tuple[float, str]:
         f"{offset.seconds:+.3f} s (sd {offset.sd:.3f} s, correlation {offset.correlation:.2f}, "
         f"{offset.by})"
     )
-    if abs(offset.seconds) <= AGREE:
+    if abs(offset.seconds) <= 2 * offset.sd:
         return 0.0, f"{label}: clock: agrees with that of {where}: {found}"
+    if not offset.applies and together:
+        return 0.0, (
+            f"{label}: clock: taken as that of {where}: {found} is not known to half a sample "
+            f"({0.5 * offset.interval:.3f} s); --time-offset sets it"
+        )
     zone = round(offset.seconds / ZONE) * ZONE
     zone = zone if abs(zone) <= MAX_ZONE else 0.0
     if abs(offset.seconds - zone) > MAX_OFFSET:
@@ -142,51 +172,66 @@ def _aligned(reference: Signals, group: Group, where: str) -> tuple[float, str]:
 def estimate(reference: Signals, other: Signals) -> Offset | None:
     """What to add to the other recording's stamps; None where nothing can be compared.
 
-    Speeds give the answer; where one of the two has an accelerometer, that refines it, because
-    a receiver's speed lags.
+    Found by correlation on a grid, then to a fraction of a sample by `motion.lag`. Speeds give the
+    answer; where one of the two has an accelerometer, that refines it, because a receiver's speed
+    lags.
     """
     speeds = _speed(reference), _speed(other)
     accelerations = _acceleration(reference), _acceleration(other)
-    found = []
-    if speeds[0] is not None and speeds[1] is not None:
-        found.append(_correlate(speeds[0], speeds[1], "speed against speed"))
-    coarse = next((offset for offset in found if offset and offset.sure), None)
-    for a, b in ((accelerations[0], speeds[1]), (speeds[0], accelerations[1])):
-        if a is None or b is None:
+    best: Offset | None = None
+    for ours, theirs, by in (
+        (speeds[0], speeds[1], "speed against speed"),
+        (accelerations[0], speeds[1], "acceleration against speed"),
+        (speeds[0], accelerations[1], "speed against acceleration"),
+    ):
+        if ours is None or theirs is None:
             continue
-        pair = (a, _derivative(b)) if a is accelerations[0] else (_derivative(a), b)
-        near = None if coarse is None else coarse.seconds
-        found.append(_correlate(pair[0], pair[1], "acceleration against derivative of speed", near))
-    offsets = [offset for offset in found if offset is not None]
-    sure = [offset for offset in offsets if offset.sure]
-    return sure[-1] if sure else offsets[-1] if offsets else None
+        found = _compared(ours, theirs, by, best.seconds if best and best.sure else None)
+        if found is not None and (found.sure or best is None or not best.sure):
+            best = found
+    return best
 
 
-def _speed(signals: Signals) -> _Series | None:
+def _compared(ours: _Side, theirs: _Side, by: str, near: float | None) -> Offset | None:
+    """The offset by one pair of signals, not sure where the fine answer is none."""
+    offset = _correlate(ours, theirs, by, near)
+    if offset is None or not offset.sure:
+        return offset
+    apart = (ours.start - theirs.start) * 1e-9
+    fine = shift(ours.track, theirs.track, offset.seconds - apart)
+    if fine is None:
+        return replace(offset, sure=False)
+    return replace(offset, seconds=fine.seconds + apart, sd=fine.sd, interval=fine.interval)
+
+
+def _speed(signals: Signals) -> _Side | None:
     wheels = [signals[r] for w in ("fl", "fr", "rl", "rr") if (r := f"wheel_speeds.{w}") in signals]
     for time, values in (
         *wheels[:1],
         *(signals[r] for r in ("speed.v", "gnss.speed") if r in signals),
     ):
-        series = _uniform(time, np.abs(values))
-        if series is not None:
-            return series
+        gridded = _uniform(time, np.abs(values))
+        if gridded is not None:
+            start, speed = gridded
+            track = Track.of_speed(np.multiply(time - start, 1e-9), np.abs(values))
+            return _Side(start, _banded(np.gradient(speed) * RATE), speed, track)
     return None
 
 
-def _acceleration(signals: Signals) -> _Series | None:
+def _acceleration(signals: Signals) -> _Side | None:
     if "imu.accel_x" not in signals:
         return None
-    series = _uniform(*signals["imu.accel_x"])
-    return None if series is None else _Series(series.start, _banded(series.values))
+    time, values = signals["imu.accel_x"]
+    gridded = _uniform(time, values)
+    if gridded is None:
+        return None
+    start, acceleration = gridded
+    track = Track.of_acceleration(np.multiply(time - start, 1e-9), values)
+    return _Side(start, _banded(acceleration), None, track)
 
 
-def _derivative(speed: _Series) -> _Series:
-    return _Series(speed.start, _banded(np.gradient(speed.values) * RATE))
-
-
-def _uniform(time: Stamps, values: Floats) -> _Series | None:
-    """Means of the samples in each cell of the grid, interpolated across short holes."""
+def _uniform(time: Stamps, values: Floats) -> tuple[int, Floats] | None:
+    """Start in ns and means of the samples in each cell of RATE, short holes interpolated."""
     known = np.isfinite(values)
     time, values = time[known], values[known]
     if len(time) < MIN_OVERLAP:
@@ -206,7 +251,7 @@ def _uniform(time: Stamps, values: Floats) -> _Series | None:
     result = np.interp(grid, moments, means)
     newest = np.clip(np.searchsorted(moments, grid, side="right") - 1, 0, len(moments) - 2)
     result[moments[newest + 1] - moments[newest] > HOLE] = np.nan
-    return _Series(start, result)
+    return start, result
 
 
 def _banded(values: Floats) -> Floats:
@@ -221,16 +266,17 @@ def _smoothed(values: Floats, width: float) -> Floats:
     return np.where(known, total / np.maximum(weight, 1e-9), np.nan)
 
 
-def _correlate(a: _Series, b: _Series, by: str, near: float | None = None) -> Offset | None:
-    """The offset of b against a with the highest score, atanh(r) sqrt(overlap).
+def _correlate(ours: _Side, theirs: _Side, by: str, near: float | None) -> Offset | None:
+    """The offset of theirs with the highest score, atanh(r) sqrt(overlap), to a cell of the grid.
 
     near: only about this offset [s].
     """
-    correlation, overlap = _masked(a.values, b.values)
-    lags = np.arange(len(correlation)) - (len(b.values) - 1)  # of b in a, in cells
-    between = (a.start - b.start) * 1e-9
-    seconds = between + lags / RATE
-    shorter = min(np.isfinite(a.values).sum(), np.isfinite(b.values).sum()) / RATE
+    both = ours.speed is not None and theirs.speed is not None
+    a, b = (side.speed if both and side.speed is not None else side.band for side in (ours, theirs))
+    correlation, overlap = _masked(a, b)
+    lags = np.arange(len(correlation)) - (len(b) - 1)  # of b in a, in cells
+    seconds = (ours.start - theirs.start) * 1e-9 + lags / RATE
+    shorter = min(np.isfinite(a).sum(), np.isfinite(b).sum()) / RATE
     possible = overlap / RATE >= max(MIN_OVERLAP, MIN_SHARE * shorter)
     if near is not None:
         possible &= np.abs(seconds - near) <= FINE
@@ -243,23 +289,11 @@ def _correlate(a: _Series, b: _Series, by: str, near: float | None = None) -> Of
     elsewhere = np.abs(lags - lags[best]) > APART * RATE
     second = float(score[elsewhere].max()) if elsewhere.any() else -np.inf
     r = float(correlation[best])
-    shift, curvature = 0.0, 0.0
-    if 0 < best < len(score) - 1:
-        left, middle, right = correlation[best - 1 : best + 2]
-        curvature = float(2 * middle - left - right) * RATE**2
-        if curvature > 0 and possible[best - 1] and possible[best + 1]:
-            shift = float(right - left) / 2 / (2 * middle - left - right)
-    independent = float(overlap[best]) / RATE / DECORRELATION
-    # the peak's curvature is the information on the lag: sd^2 = (1 - r^2) / (n r'')
-    sd = np.sqrt(max(1 - r**2, 0.0) / (independent * curvature)) if curvature > 0 else np.inf
     sure = r >= MIN_CORRELATION and second <= MARGIN * float(score[best])
-    if near is not None:
-        sure = (
-            r >= MIN_CORRELATION
-            and 0 < best < len(score) - 1
-            and bool(possible[best - 1 : best + 2].all())
-        )
-    return Offset(float(seconds[best] + shift / RATE), float(sd), r, by, sure)
+    if near is not None:  # a peak, and no edge
+        inner = 0 < best < len(score) - 1 and bool(possible[best - 1 : best + 2].all())
+        sure = r >= MIN_CORRELATION and inner
+    return Offset(float(seconds[best]), np.inf, np.inf, r, by, sure)
 
 
 def _masked(a: Floats, b: Floats) -> tuple[Floats, Floats]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from roadlog.errors import LogReadError
 from roadlog.ingest import mapping
 from roadlog.ingest.formats import mcap
+from roadlog.ingest.grid import one_grid
 from roadlog.ingest.profile import Profile, fitting, shipped
 from roadlog.signals import INPUTS
 from roadlog.storage import Channel, Table
@@ -42,4 +43,6 @@ def tables(path: Path, profile: Profile) -> tuple[dict[str, Table], list[str]]:
     frames = [frame for frame in recording.frames if len(frame)]
     located, _ = mapping.locate(profile, frames)
     signals, _ = mapping.signals(profile, located)
-    return {table.topic: table for table in mapping.tables(signals)}, list(recording.losses)
+    return {table.topic: table for table in mapping.tables(one_grid(signals)[0])}, list(
+        recording.losses
+    )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from roadlog.errors import ConfigError, LogReadError, near
 from roadlog.ingest.frame import Frame
+from roadlog.ingest.grid import BURST, Signals, one_grid
 from roadlog.ingest.profile import AXES, AbsentError, Entry, Profile, find
 from roadlog.signals import SECTIONS, SIGNALS, Section
 from roadlog.spool import Spool, blocks, release
@@ -20,11 +21,7 @@ from roadlog.units import to_si
 
 SLOW_SECTIONS = ("speed", "gnss", "barometer")  # of devices that fast tables repeat
 REPEATS = 5  # rows; a value that typically stays this long is held, not measured anew
-BURST = 2_000_000  # ns; messages of one measurement follow each other on a bus as fast as this
 NEGLIGIBLE = 1e-9  # a mount coefficient below this does not use its axis
-
-
-Signals = dict[str, tuple[Stamps, Floats]]  # role -> ns, SI values in vehicle axes
 
 
 class Located(NamedTuple):
@@ -82,10 +79,13 @@ def signals(profile: Profile, located: Sequence[Located]) -> tuple[Signals, list
     """
     found: Signals = {}
     mapped = []
+    begin = min((int(place.frame.time.min()) for place in located if len(place.frame)), default=0)
     fresh: dict[tuple[str, int, float], Stamps] = {}  # of a device's messages with a new value
     # an accuracy stays the same for long: it belongs to the values beside it
     for entry, frame, column in sorted(located, key=lambda place: _is_accuracy(place.entry)):
         time, samples = _samples(entry, frame, column)
+        if entry.delay > 0:  # what was measured before the recording began
+            time, samples = _since(begin, time, samples)
         section = entry.role.partition(".")[0]
         device = section, id(frame), entry.delay
         if section in SLOW_SECTIONS and not (_is_accuracy(entry) and device in fresh):
@@ -163,6 +163,17 @@ def _samples(entry: Entry, frame: Frame, column: str) -> tuple[Stamps, Floats]:
             late.append(time[rows] - delay)
         time = late.column()
     return time, found.column()
+
+
+def _since(begin: int, time: Stamps, values: Floats) -> tuple[Stamps, Floats]:
+    """The rows from a moment on, block by block."""
+    stamps, kept = Spool(np.int64), Spool(np.float64)
+    for rows in blocks(len(time)):
+        keep = time[rows] >= begin
+        stamps.append(time[rows][keep])
+        kept.append(values[rows][keep])
+        release([time, values])
+    return stamps.column(), kept.column()
 
 
 def _fresh(time: Stamps, values: Floats) -> tuple[Stamps, Floats]:
@@ -319,7 +330,7 @@ def _mount(found: Signals, roles: list[str], mount: Floats) -> None:
     there = [role in found for role in roles]
     if not any(there):
         return
-    sensor = {role: found.pop(role) for role in roles if role in found}
+    sensor, _ = one_grid({role: found.pop(role) for role in roles if role in found})
     rows_of = {}
     for row, role in zip(mount, roles, strict=True):
         needs = [abs(c) > NEGLIGIBLE for c in row]

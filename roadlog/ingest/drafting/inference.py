@@ -13,6 +13,7 @@ from roadlog.drive import Drive
 from roadlog.errors import RoadlogError
 from roadlog.ingest import mapping
 from roadlog.ingest.drafting.draft import Draft, Guess
+from roadlog.ingest.grid import one_grid
 from roadlog.ingest.profile import AXES, Profile
 from roadlog.motion import axes
 from roadlog.motion.evidence import Evidence, correlation
@@ -54,7 +55,7 @@ def _state(draft: Draft) -> motion.Examination | None:
     try:
         profile = Profile.from_toml(draft.toml(), "draft")
         located, _ = mapping.locate(profile, draft.frames)
-        tables = mapping.tables(mapping.signals(profile, located)[0])
+        tables = mapping.tables(one_grid(mapping.signals(profile, located)[0])[0])
         inputs = [t for t in tables if not t.topic.startswith("/truth")]
         return motion.Examination(Evidence.of(Drive.from_tables(inputs)))
     except RoadlogError as error:
