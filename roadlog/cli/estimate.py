@@ -112,16 +112,20 @@ def _estimate_log(
     unused = set(by_name) - set(chosen)
     if unused:
         raise typer.BadParameter(f"{', '.join(sorted(unused))} does not run", param_hint="--set")
-    if not chosen:
-        reasons = "; ".join(f"{name}: {reason}" for name, reason in refused.items())
-        raise EstimatorError(f"{path}: no estimator can run. {reasons}")
     summaries = {}
 
     def estimates() -> Iterator[Estimate]:
         for name in chosen:
-            made = estimators.run(name, drive, vehicle, by_name.get(name), engine)
+            try:
+                made = estimators.run(name, drive, vehicle, by_name.get(name), engine)
+            except EstimatorError as error:  # one that refuses is not the end of the others
+                refused[name] = str(error).removeprefix(f"{name} cannot run: ")
+                continue
             summaries[made.name] = _summary(made, drive)
             yield made
+        if not summaries:
+            reasons = "; ".join(f"{name}: {reason}" for name, reason in refused.items())
+            raise EstimatorError(f"{path}: no estimator can run. {reasons}")
 
     log.write(
         estimates(), drive, engine=engine, names=chosen, vehicle=given, out=out, in_place=in_place
@@ -132,7 +136,8 @@ def _estimate_log(
         "estimates": summaries,
         "cannot_run": refused,
     }
-    return report, [f"{path}: {loss}" for loss in log.losses]
+    asked = [f"{name} cannot run: {refused[name]}" for name in chosen if names and name in refused]
+    return report, [f"{path}: {loss}" for loss in [*log.losses, *asked]]
 
 
 def _summary(estimate: Estimate, drive: Drive) -> dict[str, Any]:
