@@ -117,14 +117,10 @@ def ingest(
         },
         "source": {"files": json.dumps(_digests(paths), sort_keys=True)},
     }
-    notes = (
-        []
-        if given
-        else [f"{s.path.name}: profile {s.profile.name}, found by itself" for s in opened]
-    )
+    found = [] if given else [f"{s.path.name}: profile {s.profile.name}" for s in opened]
+    notes = [f"{words}, found by itself" for words in found]
     notes += [note for recording in recordings for note in recording.notes] + said + moved
-    if ignored:
-        notes.append(f"not a source: {', '.join(ignored)}")
+    notes += [f"not a source: {', '.join(ignored)}"] if ignored else []
     gaps = mapping.gaps(tables)
     return IngestResult(tables, metadata, mapped, over, lacking, notes, gaps, losses)
 

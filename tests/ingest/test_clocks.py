@@ -88,8 +88,10 @@ def pair(
     return {role: (stamps[0], first)}, {"gnss.speed": (stamps[1], second)}, -late
 
 
-@pytest.mark.parametrize("count", [40, pytest.param(200, marks=pytest.mark.slow)])
-def test_the_sd_of_an_offset_holds_at_any_rate_and_latency(count):
+@pytest.mark.parametrize(
+    ("count", "most"), [(40, 1.0), pytest.param(200, 0.99, marks=pytest.mark.slow)]
+)
+def test_the_sd_of_an_offset_holds_at_any_rate_and_latency(count, most):
     rng = np.random.default_rng(21)
     inside = 0
     for k in range(count):
@@ -98,7 +100,7 @@ def test_the_sd_of_an_offset_holds_at_any_rate_and_latency(count):
         assert found is not None
         assert found.sure
         inside += abs(found.seconds - true) < 2 * found.sd
-    assert 0.90 <= inside / count <= 0.99
+    assert 0.90 <= inside / count <= most
 
 
 @pytest.mark.parametrize("rate", [1, 5, 50])
