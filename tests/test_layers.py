@@ -15,7 +15,7 @@ from support.drives import ROOT
 LAYERS = (
     ("errors", "types", "version"),
     ("toml", "units", "signals", "columnar", "memory", "files", "extras", "plugins", "csv_text"),
-    ("spool", "geo", "rotation"),
+    ("spool", "geo", "rotation", "stamps"),
     ("storage",),
     ("drive", "location_fix"),
     ("estimate",),

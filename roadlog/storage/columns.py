@@ -8,7 +8,7 @@ with the next layout; what has none is decoded message by message, with the same
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -132,6 +132,24 @@ class Columns:
             which = np.flatnonzero(sizes == size)
             matrix = _gather(data, offsets[which], size)
             self._fill(matrix, varying(matrix), base + which)
+
+    def add_payloads(self, stamps: Stamps, payloads: Sequence[bytes]) -> None:
+        """Take messages of another container: their log times [ns] and their bytes."""
+        inside = self._inside(stamps.view(np.uint64))
+        if not inside.all():
+            stamps = stamps[inside]
+            payloads = [payload for payload, keep in zip(payloads, inside, strict=True) if keep]
+        base = self._reserve(stamps)
+        sizes = np.fromiter(map(len, payloads), np.int64, len(payloads))
+        for size in np.unique(sizes).tolist():
+            which = np.flatnonzero(sizes == size)
+            matrix = np.zeros((len(which), MESSAGE_HEAD + size), np.uint8)
+            alike: Sequence[bytes] = payloads
+            rows: Rows = slice(base, self.count)
+            if len(which) < len(payloads):
+                alike, rows = [payloads[k] for k in which.tolist()], base + which
+            matrix[:, MESSAGE_HEAD:] = np.frombuffer(b"".join(alike), np.uint8).reshape(-1, size)
+            self._fill(matrix, varying(matrix), rows)
 
     def finish(self) -> tuple[Stamps, dict[str, NDArray]]:
         """Times and columns in time order; equal times stay in the order of the file."""

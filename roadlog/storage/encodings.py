@@ -24,7 +24,10 @@ ENTRY_POINTS = "roadlog.encodings"
 BUILT_IN = {
     "protobuf": "protobuf",
     "cdr": "cdr",
+    "ros1": "ros1",
     "json": "json_text",
+    "flatbuffer": "flatbuffer",
+    "cbor": "cbor",
 }
 
 
@@ -57,10 +60,12 @@ class Layout:
 class Codec(ABC):
     """Reads the payloads of one channel: `decode` is enough, `layout` makes it fast.
 
-    dtypes: the columns that every message has, as far as the schema says so.
+    dtypes: the columns that every message has, as far as the schema says so. units: of columns,
+    as the schema states them.
     """
 
     dtypes: Mapping[str, np.dtype] = {}
+    units: Mapping[str, str] = {}
 
     @abstractmethod
     def decode(self, payload: bytes) -> Mapping[str, Any]:
@@ -70,6 +75,11 @@ class Codec(ABC):
         """Where the numbers lie in payloads like this one; None to have each decoded."""
         del payload
         return None
+
+    def texts(self, payload: bytes) -> Mapping[str, str]:
+        """Field path -> text, of fields that are no numbers. Raises ValueError."""
+        del payload
+        return {}
 
 
 @dataclass(frozen=True)

@@ -4,25 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from itertools import accumulate, chain, groupby
 from pathlib import Path
 from typing import TypeVar
 
 from roadlog.errors import LogReadError, MissingSignalError, near
 from roadlog.storage import container, journal
-from roadlog.storage.columns import Columns, merged
+from roadlog.storage.columns import Columns
 from roadlog.storage.container import Source
 from roadlog.storage.contents import contents
 from roadlog.storage.encodings import Codec, codec_of
 from roadlog.storage.records import (
     MAGIC,
     MESSAGE_HEAD,
+    PREFIX,
     ChannelRecord,
     Chunk,
     Damage,
     Schema,
 )
 from roadlog.storage.table import Channel, Table
+from roadlog.storage.topics import Part, one_table
 
 AHEAD = 2  # batches of chunks that are inflated while another is taken apart
 BATCH = 1 << 22  # bytes; to hand over every chunk on its own takes a tenth of the time
@@ -113,9 +116,33 @@ class LogReader:
         ]
         for chunk, data in self._loaded(chunks):
             self._take(chunk, data, columns)
+        parts: dict[str, list[Part]] = {topic: [] for topic in wanted}
         for id_, found in columns.items():
-            self._judge(self.contents.channels[id_].topic, found)
-        return {topic: self._table(topic, columns) for topic in wanted}
+            channel = self.contents.channels[id_]
+            parts[channel.topic].append(
+                Part(channel.encoding, self._schema(channel), found, channel.metadata)
+            )
+        return {topic: one_table(topic, own, self._lose) for topic, own in parts.items()}
+
+    def units(self, topic: str) -> Mapping[str, str]:
+        """Field path -> unit, where the schema of a topic states it."""
+        codecs = (self._codec(channel, is_asked_for=False) for channel in self._channels(topic))
+        return {name: unit for codec in codecs if codec for name, unit in codec.units.items()}
+
+    def texts(self, topic: str) -> Mapping[str, str]:
+        """Field path -> text, in the first message of a topic that can be read."""
+        for channel in self._channels(topic):
+            codec = self._codec(channel, is_asked_for=False)
+            chunks = [chunk for chunk in self.contents.chunks if channel.id in chunk.indexes]
+            for chunk, data in self._loaded(chunks[:1] if codec else []):
+                with suppress(Damage, ValueError):
+                    at = int(container.messages(self.source, chunk, data)[channel.id][0])
+                    size = PREFIX.size + PREFIX.unpack_from(data, at)[1]
+                    return codec.texts(data[at + MESSAGE_HEAD : at + size]) if codec else {}
+        return {}
+
+    def _channels(self, topic: str) -> list[ChannelRecord]:
+        return [c for c in self.contents.channels.values() if c.topic == topic]
 
     def _loaded(self, chunks: Sequence[Chunk]) -> Iterator[tuple[Chunk, bytes]]:
         """Chunks with their records; a damaged one is skipped and said in `losses`."""
@@ -148,36 +175,6 @@ class LogReader:
         except Damage as damage:
             self._lose(container.lost_chunk(chunk, damage))
 
-    def _judge(self, topic: str, found: Columns) -> None:
-        """Say what of a channel could not be read."""
-        if found.lost:
-            self._lose(f"{topic}: {found.lost} of {found.count} messages cannot be decoded")
-        if found.beyond:
-            self._lose(f"{topic}: {found.beyond} messages left out, their time is after 2262")
-
-    def _table(self, topic: str, columns: Mapping[int, Columns]) -> Table:
-        """The channels of one topic as one table: those that have the schema of most messages."""
-        channels = [c for c in self.contents.channels.values() if c.topic == topic]
-        counts: dict[tuple[str, bytes], int] = {}
-        for channel in channels:
-            key = self._meaning(channel)
-            counts[key] = counts.get(key, 0) + columns[channel.id].count
-        chosen = max(counts, key=lambda key: counts[key])
-        left = sum(counts.values()) - counts[chosen]
-        if left:
-            self._lose(
-                f"{topic}: {len(counts)} channels of different schemas; {left} messages that are "
-                f"not {chosen[0]} were not read"
-            )
-        same = [columns[c.id] for c in channels if self._meaning(c) == chosen]
-        channel = next(c for c in channels if self._meaning(c) == chosen)
-        time, values = merged([found.finish() for found in same])
-        return Table(topic, self._schema_name(channel), time, values, channel.metadata)
-
-    def _meaning(self, channel: ChannelRecord) -> tuple[str, bytes]:
-        schema = self.contents.schemas.get(channel.schema_id, NO_SCHEMA)
-        return schema.name, schema.data + channel.encoding.encode()
-
     def _room(self, id_: int) -> int:
         """How many messages of a channel there can be at most, by the size of its chunks."""
         chunks = [chunk for chunk in self.contents.chunks if id_ in chunk.indexes]
@@ -185,22 +182,20 @@ class LogReader:
 
     def _codec(self, channel: ChannelRecord, *, is_asked_for: bool) -> Codec | None:
         """None where payloads cannot become columns; that is a loss when they were asked for."""
-        schema = self.contents.schemas.get(channel.schema_id, NO_SCHEMA)
         try:
-            return codec_of(channel.encoding, schema)
+            return codec_of(channel.encoding, self._schema(channel))
         except Damage as damage:
             if is_asked_for:
                 count = self.contents.counts.get(channel.id, 0)
                 self._lose(f"{channel.topic}: {count} messages have times but no columns: {damage}")
             return None
 
-    def _schema_name(self, channel: ChannelRecord) -> str:
-        schema = self.contents.schemas.get(channel.schema_id)
-        return schema.name if schema else ""
+    def _schema(self, channel: ChannelRecord) -> Schema:
+        return self.contents.schemas.get(channel.schema_id, NO_SCHEMA)
 
     def _described(self, channel: ChannelRecord) -> Channel:
         count = self.contents.counts.get(channel.id, 0)
-        name = self._schema_name(channel)
+        name = self._schema(channel).name
         return Channel(channel.topic, name, channel.encoding, count, dict(channel.metadata))
 
     def _read_metadata(self) -> dict[str, dict[str, str]]:

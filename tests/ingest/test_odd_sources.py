@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.drive_formats import DBC, payloads, profile_of, write_kitti, write_ros1, write_ros2
+from support.drive_formats import DBC, payloads, profile_of, write_kitti, write_ros2
 
 from roadlog import cli
 from roadlog.ingest import ingest
@@ -55,7 +55,6 @@ def refused(command: Ingest, folder: Path, *arguments: object) -> str:
         ("drive.blf", "can", "can"),
         ("drive.log", "can", "can"),
         ("drive.parquet", "pyarrow", "table"),
-        ("drive.bag", "rosbags.highlevel", "ros"),
         ("car.dbc", "cantools", "can"),
     ],
 )
@@ -65,7 +64,6 @@ def test_a_missing_extra_is_named(tmp_path, monkeypatch, command, name, module, 
         "drive.blf": b"LOGG",
         "drive.log": b"(1.0) can0 100#0000\n",
         "drive.parquet": b"PAR1",
-        "drive.bag": b"#ROSBAG V2.0\n",
         "car.dbc": b"",
     }
     path = tmp_path / name
@@ -355,16 +353,6 @@ def test_a_signal_outside_of_its_message_is_said_and_not_decoded(tmp_path):
     result = ingest([path], tmp_path / "p.toml", [tmp_path / "car.dbc"])
     assert any("outside of its message: Odo.far" in note for note in result.notes)
     assert len(result.tables[0]) == 10
-
-
-def test_a_bag_without_an_index_says_what_to_run(tmp_path, command):
-    bag = write_ros1(tmp_path / "drive.bag")
-    data = bag.read_bytes()
-    place = data.index(b"index_pos=") + len(b"index_pos=")
-    bag.write_bytes(data[:place] + bytes(8) + data[place + 8 :])  # as a recorder that was killed
-    said = refused(command, tmp_path, bag)
-    assert "not indexed" in said
-    assert "run `rosbag reindex drive.bag` first" in said
 
 
 def test_a_ros2_folder_without_its_file_is_one_line(tmp_path, command):

@@ -199,13 +199,18 @@ def ros_messages(store):
             )
 
 
-def write_ros1(path: Path) -> Path:
+def write_ros1(path: Path, compression: str = "none", chunk: int = 1 << 20) -> Path:
+    """chunk: bytes of each."""
     pytest.importorskip("rosbags")
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC)
-    with Writer(path) as writer:
+    writer = Writer(path)
+    writer.chunk_threshold = chunk
+    if compression != "none":
+        writer.set_compression(Writer.CompressionFormat[compression])
+    with writer:
         connections = {}
         for topic, kind, ns, message in ros_messages(store):
             if topic not in connections:
@@ -214,14 +219,17 @@ def write_ros1(path: Path) -> Path:
     return path
 
 
-def write_ros2(path: Path, storage: str, late: int = 0) -> Path:
-    """late: ns by which the recording is later than the header's stamp."""
+def write_ros2(path: Path, storage: str, late: int = 0, mode: str = "NONE") -> Path:
+    """late: ns by which the recording is later than the header's stamp. mode: of compression."""
     pytest.importorskip("rosbags")
-    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
-    with Writer(path, version=9, storage_plugin=StoragePlugin[storage]) as writer:
+    writer = Writer(path, version=9, storage_plugin=StoragePlugin[storage])
+    if mode != "NONE":
+        writer.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
+    with writer:
         connections = {}
         for topic, kind, ns, message in ros_messages(store):
             if topic not in connections:
