@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numba import njit
 
@@ -70,7 +72,8 @@ def drive_full(
     fine: Floats = np.multiply(np.arange(len(history)), dt) - scenario.lead_in
     begin = round(scenario.lead_in / dt)
     shift = cg_shift(car, scenario.load)
-    return _motion(fine[begin:], history[begin:], loaded, static_pitch(car, scenario.load), shift)
+    motion = _motion(fine[begin:], history[begin:], loaded, static_pitch(car, scenario.load), shift)
+    return replace(motion, home=scenario.road.home)
 
 
 def steering(scenario: Scenario, time: Floats) -> Floats:

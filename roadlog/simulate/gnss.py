@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadlog.geo import TransverseMercator
 from roadlog.simulate.motion import Motion
 from roadlog.simulate.sampling import (
     Columns,
@@ -16,9 +17,6 @@ from roadlog.simulate.sampling import (
     without_errors,
     wrapped,
 )
-
-HOME = (47.2, 11.4, 600.0)  # deg, deg, m: where every road begins; no real one
-METERS_PER_DEGREE = 111_195.0  # of latitude, on a sphere; roads are a few km long
 
 
 @dataclass(frozen=True)
@@ -69,10 +67,12 @@ class GnssReceiver:
         )
         roll = np.arcsin(attitude[:, 2, 1]) + self.roll_noise * white[:, 4]
         speed = np.hypot(velocity[:, 0], velocity[:, 1])
+        plane = TransverseMercator(*motion.home[:2])
+        latitude, longitude = plane.inverse(place[:, 0], place[:, 1])
         fields = {
-            "latitude": HOME[0] + place[:, 1] / METERS_PER_DEGREE,
-            "longitude": HOME[1] + place[:, 0] / (METERS_PER_DEGREE * np.cos(np.radians(HOME[0]))),
-            "altitude": HOME[2] + place[:, 2],
+            "latitude": latitude,
+            "longitude": longitude,
+            "altitude": motion.home[2] + place[:, 2],
             "speed": speed,
             "course": np.arctan2(velocity[:, 1], velocity[:, 0]),
             "climb": velocity[:, 2],
@@ -109,7 +109,7 @@ class Barometer:
             return {}
         rng = stream(seed, "barometer")
         time = clock(motion, self.rate)
-        height = at(motion, motion.position[:, 2], time) + HOME[2] + self.offset
+        height = at(motion, motion.position[:, 2], time) + motion.home[2] + self.offset
         height = (
             height
             + self.drift_sd * gauss_markov(rng, len(time), 1, self.drift_time * self.rate).ravel()

@@ -9,6 +9,8 @@ import numpy as np
 
 from roadlog.types import Floats
 
+HOME = (47.2, 11.4, 600.0)  # deg, deg, m: where every road begins; no real one
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -20,8 +22,9 @@ class Motion:
     schema and columns. position, velocity: (n, 3) m and m/s of the reference point, east north up;
     attitude: (n, 3, 3), vehicle axes to east north up. road_force: (n, 3) m/s2, specific force of a
     sensor that follows the road and not the body. shift: m, by which a load moved the reference
-    point; sensors are placed from where it was. energy: J, stored in the car. power: W, that
-    engine, brakes, tires, dampers and air bring in together.
+    point; sensors are placed from where it was. home: latitude and longitude in deg and altitude
+    in m of position 0. energy: J, stored in the car. power: W, that engine, brakes, tires, dampers
+    and air bring in together.
     """
 
     time: Floats
@@ -38,6 +41,7 @@ class Motion:
     shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
     energy: Floats | None = None
     power: Floats | None = None
+    home: tuple[float, float, float] = HOME
 
     @property
     def dt(self) -> float:

@@ -90,7 +90,7 @@ def build(
         _integral(grade),
         bank,
         curvature,
-        _integral(curvature),
+        shape.heading + _integral(curvature),
         table(shape.friction),
         waves,
         shape.slope_north,

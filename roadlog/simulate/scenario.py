@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from roadlog.errors import ConfigError, near
+from roadlog.simulate.motion import HOME
 from roadlog.simulate.profiles import Knots, Profile
 from roadlog.simulate.sensors import Sensors
 from roadlog.simulate.speeds import Launches, StopAndGo, Tour
@@ -40,6 +41,8 @@ class RoadShape:
     slalom: tuple[float, float, float] | None = None  # m: start, wavelength, amplitude
     roughness: float = 0.0  # m3, ISO 8608 G_d at 0.1 cycles/m; class A 16e-6
     friction: Profile | float = 1.0  # of dry asphalt
+    heading: float = 0.0  # rad, at its beginning, ccw from east
+    home: tuple[float, float, float] = HOME  # deg, deg, m: its beginning
 
 
 @dataclass(frozen=True)
