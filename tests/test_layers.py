@@ -21,6 +21,7 @@ LAYERS = (
     ("estimate",),
     ("filters",),
     ("car", "motion"),
+    ("roads",),
     ("estimators", "checks", "simulate"),
     ("calibrate", "ingest"),
     ("log",),

@@ -1,0 +1,93 @@
+"""A road model as a figure on paper: grade, bank and elevation over distance, drives behind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from roadlog.files import replacing
+from roadlog.roads.model import RoadModel, road_axes
+from roadlog.roads.passes import Pass
+from roadlog.types import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH, ROW = 11.0, 2.3  # inches
+DPI = 150  # of a png
+REACH = 20.0  # m from the line that a drive is drawn
+COLOR = {"grade": "#1f6f8b", "bank": "#b5533c", "elevation": "#4a7a3a"}
+DRIVE = "#9aa0a6"
+
+
+def write_figure(
+    model: RoadModel, passes: Sequence[Pass], path: Path, truth: RoadModel | None = None
+) -> None:
+    """Write the figure as png, svg or pdf. Raises LogWriteError."""
+    import matplotlib
+
+    with matplotlib.rc_context({"svg.hashsalt": "roadlog", "svg.fonttype": "none"}):
+        figure = road_figure(model, passes, truth)
+        kind = path.suffix.lower()[1:]
+        date = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
+        with replacing(path) as file:
+            figure.savefig(file, format=kind, dpi=DPI, metadata=date)
+
+
+def road_figure(model: RoadModel, passes: Sequence[Pass], truth: RoadModel | None = None) -> Figure:
+    """The figure itself, for notebooks. truth: a road to draw beside it, by station."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 0.9 + 3 * ROW), layout="constrained")
+    axes = figure.subplots(3, 1, sharex=True)
+    ways = "both directions" if model.both_ways else "one direction"
+    figure.suptitle(f"{model.name}: {model.length:.0f} m, {model.drives} drives, {ways}")
+    for own in passes:
+        _drive(axes, model, own)
+    rows = (
+        ("grade", np.degrees(model.grade), np.degrees(model.grade_sd), "grade [°]"),
+        ("bank", np.degrees(model.bank), np.degrees(model.bank_sd), "bank [°]"),
+        ("elevation", model.z, model.z_sd, "elevation [m]"),
+    )
+    for axis, (name, values, sd, label) in zip(axes, rows, strict=True):
+        axis.fill_between(
+            model.s, values - 2 * sd, values + 2 * sd, color=COLOR[name], alpha=0.25, lw=0,
+            label="±2 sd",
+        )  # fmt: skip
+        axis.plot(model.s, values, color=COLOR[name], lw=1.4, label=f"road ({name})")
+        if truth is not None:
+            _truth(axis, truth, name)
+        axis.set_ylabel(label)
+        axis.grid(True, lw=0.4, alpha=0.5)
+        axis.margins(x=0)
+        axis.legend(loc="upper right", bbox_to_anchor=(1, 1.16), ncols=4, frameon=False, fontsize=8)
+    axes[0].secondary_yaxis(
+        "right", functions=(lambda a: 100 * np.tan(np.radians(a)), _degrees_of_percent)
+    ).set_ylabel("grade [%]")
+    axes[-1].set_xlabel("distance along the road [m]")
+    return figure
+
+
+def _degrees_of_percent(percent: Floats) -> Floats:
+    return np.degrees(np.arctan(np.asarray(percent) / 100))
+
+
+def _drive(axes: Sequence[Axes], model: RoadModel, own: Pass) -> None:
+    """One drive's own angles in the road's axes, thin and gray."""
+    x, y = model.plane.forward(own.latitude, own.longitude)
+    station, _, turn = model.locate(x, y, own.heading, REACH)
+    if not np.isfinite(station).any():
+        return
+    grade, bank = road_axes(own.grade, own.bank, turn)
+    order = np.argsort(station)
+    for axis, values in zip(axes, (np.degrees(grade), np.degrees(bank), own.altitude), strict=True):
+        axis.plot(station[order], values[order], color=DRIVE, lw=0.6, alpha=0.7)
+
+
+def _truth(axis: Axes, truth: RoadModel, name: str) -> None:
+    values = truth.z if name == "elevation" else np.degrees(getattr(truth, name))
+    axis.plot(truth.s, values, color="black", lw=0.8, ls="--", label="truth")

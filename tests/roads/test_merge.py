@@ -1,0 +1,124 @@
+"""Merging drives to a road: accuracy, honest sds, each road once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.mountain_road import HOME, driven, errors, mountain_road
+
+from roadlog.roads.merge import roads
+from roadlog.roads.model import RoadModel, car_axes, road_axes, road_of
+from roadlog.roads.passes import Pass
+from roadlog.types import Floats
+
+ROLL, PITCH = np.radians(0.25), np.radians(0.04)
+
+
+@pytest.fixture(scope="module")
+def road() -> RoadModel:
+    return mountain_road()
+
+
+def rms_deg(values: Floats) -> float:
+    return float(np.degrees(np.sqrt(np.mean(values**2))))
+
+
+def merged(passes: list[Pass]) -> RoadModel:
+    found = roads(passes)
+    assert len(found) == 1
+    return found[0]
+
+
+def test_axes_turn_there_and_back() -> None:
+    rng = np.random.default_rng(0)
+    grade, bank = rng.uniform(-0.15, 0.15, (2, 50))
+    for turn in (0.0, 0.08, np.pi, np.pi - 0.05, -np.pi / 2):
+        back = road_axes(*car_axes(grade, bank, turn), turn)
+        np.testing.assert_allclose(back, (grade, bank), atol=1e-12)
+    opposite = car_axes(grade, bank, np.pi)
+    np.testing.assert_allclose(opposite, (-grade, -bank), atol=1e-12)
+
+
+def test_both_directions_cancel_the_mounting(road: RoadModel) -> None:
+    passes = [driven(road, k, forward=k % 2 == 0, roll=ROLL, pitch=PITCH) for k in range(2)]
+    found = merged(passes)
+    off = errors(found, road)
+    assert found.both_ways
+    assert found.drives == 2
+    assert rms_deg(off["grade"]) < 0.06
+    assert rms_deg(off["bank"]) < 0.09
+    assert abs(np.degrees(off["bank"].mean())) < 0.03
+    assert "roll +0.2" in " ".join(found.notes)
+
+
+@pytest.mark.parametrize("count", [1, 5, 20])
+def test_sds_hold_for_many_drives_of_one_car(road: RoadModel, count: int) -> None:
+    found = merged([driven(road, k, roll=ROLL, pitch=PITCH) for k in range(count)])
+    off = errors(found, road)
+    for angle in ("grade", "bank"):
+        sd = getattr(found, f"{angle}_sd")[: len(off[angle])]
+        within = np.mean(np.abs(off[angle]) < 2 * sd)
+        assert 0.9 <= within <= 1.0, (angle, within)
+    # what all drives of the car share does not go away with more of them
+    assert np.median(found.bank_common_sd) > np.radians(0.2)
+    assert np.all(found.bank_sd >= found.bank_common_sd - 1e-12)
+
+
+def test_cars_average_their_mountings(road: RoadModel) -> None:
+    rolls = np.random.default_rng(5).normal(0, np.radians(0.28), 4)
+    passes = [driven(road, k, car=f"car{k}", roll=roll) for k, roll in enumerate(rolls)]
+    one, four = merged(passes[:1]), merged(passes)
+    ratio = np.median(four.bank_common_sd) / np.median(one.bank_common_sd)
+    assert ratio == pytest.approx(0.5, abs=0.05)
+
+
+def test_more_drives_bring_the_line_and_the_height_nearer(road: RoadModel) -> None:
+    off = errors(merged([driven(road, k, forward=k % 2 == 0) for k in range(10)]), road)
+    assert np.sqrt(np.mean(off["offset"] ** 2)) < 0.6
+    assert np.std(off["z"]) < 0.8
+
+
+def test_lanes_with_a_crown_leave_the_mounting_open(road: RoadModel) -> None:
+    passes = [driven(road, k, forward=k % 2 == 0, lane=-1.75, roll=ROLL) for k in range(2)]
+    found = merged(passes)
+    assert "crowned road and a mounting roll look the same" in " ".join(found.notes)
+    assert abs(np.degrees(errors(found, road)["bank"].mean())) < 0.03
+
+
+def test_a_drive_counts_once_at_a_crossing() -> None:
+    """A road that crosses itself: a loop like a clover leaf's."""
+    turn = np.linspace(0.0, 1.5 * np.pi, 95)
+    x = np.concatenate([np.arange(-400.0, 0.0, 5.0), 100 * np.sin(turn), np.full(80, -100.0)])
+    y = np.concatenate([np.zeros(80), 100 * (1 - np.cos(turn)), 100 - np.arange(1, 81) * 5.0])
+    line = road_of("loop", HOME, x, y, np.zeros(len(x)), bank=np.zeros(len(x)))
+    found = roads([driven(line, k) for k in range(3)])
+    assert len(found) == 1
+    assert found[0].length == pytest.approx(line.length - 40, rel=0.02)
+    assert found[0].passes.max() == 3
+
+
+def test_hairpins_are_not_one_road_driven_back() -> None:
+    """Legs 14 m apart, opposite directions: within reach of each other."""
+    turn = np.linspace(0.0, np.pi, 8)[1:-1]
+    x = np.concatenate([np.arange(0, 300.0, 5), 300 + 7 * np.sin(turn), np.arange(300.0, 0, -5)])
+    y = np.concatenate([np.zeros(60), 7 * (1 - np.cos(turn)), np.full(60, 14.0)])
+    line = road_of("hairpin", HOME, x, y, np.zeros(len(x)), bank=np.zeros(len(x)))
+    found = roads([driven(line, k) for k in range(3)])
+    assert found[0].length == pytest.approx(line.length - 40, rel=0.05)
+    assert found[0].passes.max() == 3
+
+
+def test_drives_that_begin_elsewhere_are_still_one_road(road: RoadModel) -> None:
+    early, late = road.between(None, 2000.0), road.between(900.0, None)
+    found = roads([driven(early, 1), driven(late, 2), driven(late, 3, forward=False)])
+    assert len(found) == 1
+    assert found[0].length == pytest.approx(road.length - 40, rel=0.02)
+    assert set(found[0].passes) == {1, 2, 3}
+
+
+def test_passes_go_through_a_file(road: RoadModel) -> None:
+    one = driven(road, 1)
+    again = Pass.from_bytes(one.to_bytes())
+    assert again.car == one.car
+    np.testing.assert_allclose(again.latitude, one.latitude, atol=1e-12)
+    np.testing.assert_allclose(again.bank, one.bank, atol=1e-6)
