@@ -21,6 +21,10 @@ def simulate(
     vehicle: Annotated[
         Path | None, typer.Option(help="Vehicle file of another car to drive.")
     ] = None,
+    road: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A road model to drive on: .xodr, .crg, .parquet, .csv."),
+    ] = None,
     load: Annotated[str | None, typer.Option(help="What lies in the car.")] = None,
     settings: Annotated[
         list[str] | None,
@@ -37,6 +41,7 @@ def simulate(
     from roadlog import simulate as simulator
     from roadlog.car.vehicle import Vehicle
     from roadlog.log import create
+    from roadlog.roads.formats import read
 
     overrides = {}
     for text in settings or []:
@@ -52,6 +57,7 @@ def simulate(
         vehicle=Vehicle.load(vehicle) if vehicle else None,
         load=load,
         overrides=overrides,
+        road=read(road) if road else None,
     )
     create(out, simulation.tables, simulation.metadata, simulation.vehicle)
     messages = sum(len(table) for table in simulation.tables)

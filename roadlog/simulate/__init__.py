@@ -12,12 +12,14 @@ import numpy as np
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.errors import ConfigError, near
+from roadlog.roads.model import RoadModel
 from roadlog.signals import ANGLES, ANGLES_SCHEMA, SECTIONS, TRUTH_TOPIC, truth_topic
 from roadlog.simulate import scenario_file
 from roadlog.simulate.car import CarParameters, car_of
 from roadlog.simulate.full import drive_full
 from roadlog.simulate.load import static_pitch
 from roadlog.simulate.motion import Motion
+from roadlog.simulate.on_road import on_road
 from roadlog.simulate.profiles import sampled
 from roadlog.simulate.sampling import Columns, at, clock, stream
 from roadlog.simulate.scenario import (
@@ -70,6 +72,7 @@ def simulate(
     vehicle: Vehicle | None = None,
     load: str | None = None,
     overrides: Mapping[str, Any] | None = None,
+    road: RoadModel | None = None,
 ) -> Simulation:
     """Drive a scenario and log it.
 
@@ -77,9 +80,13 @@ def simulate(
     the full car where the scenario has a simple truth of its own. vehicle: another car; its data
     sheet goes into the log. load: one of LOADS; the data sheet does not know of it. overrides:
     scenario parameters by path, `sensors.imu.rate` or the last part alone where it is unique;
-    applied last. Raises ConfigError for a name that does not exist.
+    applied last. road: a road model to drive on instead of the scenario's road, with the full car;
+    its place on earth too. Raises ConfigError for a name that does not exist, and where the drive
+    is longer than the road.
     """
     scenario = find(name_or_scenario)
+    if road is not None:
+        scenario, full = on_road(scenario, road), True
     if load is not None:
         scenario = replace(scenario, load=_load(load))
     is_full = full or scenario.straight is None
@@ -106,6 +113,7 @@ def simulate(
         "ideal": json.dumps(ideal),
         "full": json.dumps(is_full),
         "load": load or "",
+        "road": "" if road is None else road.name,
         "overrides": json.dumps({k: str(v) for k, v in (overrides or {}).items()}),
         "roadlog_version": __version__,
         "fuel_volume": repr(scenario.sensors.fuel.volume),
