@@ -18,8 +18,7 @@ from roadlog.ingest.frame import Frame, Recording, joined
 from roadlog.ingest.grid import one_grid
 from roadlog.ingest.mapping import Mapped
 from roadlog.ingest.profile import Profile, fitting, shipped
-from roadlog.ingest.reference import gnss as truth
-from roadlog.ingest.reference import survey
+from roadlog.ingest.reference import reference
 from roadlog.spool import blocks, release
 from roadlog.storage import Table
 from roadlog.types import Stamps
@@ -105,8 +104,8 @@ def ingest(
     signals, moved = one_grid(signals)
     tables = mapping.tables(signals)
     if truth_from is not None:
-        gnss = str(truth_from) == "gnss"
-        made = truth.from_gnss(tables) if gnss else survey.from_table(Path(truth_from), tables)
+        made, told = reference(truth_from, tables)
+        said += told
         tables = [t for t in tables if t.topic != made.topic] + [made]
     losses = [loss for recording in recordings for loss in recording.losses]
     losses += [loss for recording in recordings for loss in _backward(recording)]

@@ -107,10 +107,18 @@ def _slope(x: Floats, y: Floats, weight: Floats) -> tuple[float, float]:
     return float(slope), float(np.sqrt((weight * (dy - slope * dx) ** 2).sum() / spread))
 
 
-def table(time: Stamps, grade: Floats, sd: Floats) -> Table:
-    """`/truth/angles` that knows only the grade and its sd, in rad."""
+def table(
+    time: Stamps,
+    grade: Floats,
+    sd: Floats,
+    bank: Floats | None = None,
+    bank_sd: Floats | None = None,
+) -> Table:
+    """`/truth/angles` that knows only the grade, or grade and bank, with their sds in rad."""
     unknown = np.full(len(time), np.nan)
     columns: dict[str, NDArray] = dict.fromkeys([*ANGLES, *(f"{a}_sd" for a in ANGLES)], unknown)
     columns |= {"grade": grade, "grade_sd": sd}
+    if bank is not None and bank_sd is not None:
+        columns |= {"bank": bank, "bank_sd": bank_sd}
     columns |= {"flags": np.zeros(len(time), np.uint32), "valid": np.ones(len(time), np.bool_)}
     return Table(SECTIONS["truth"].topic, SECTIONS["truth"].schema, time, columns)

@@ -1,0 +1,94 @@
+"""A reference grade and bank from a road model, in the axes of the car that drove there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from roadlog.errors import LogReadError
+from roadlog.ingest.reference import gnss
+from roadlog.roads.model import RoadModel, beside, car_axes
+from roadlog.signals import SECTIONS
+from roadlog.storage import Table
+from roadlog.types import Floats, Stamps
+
+FAR = 20.0  # m; a fix further from the line is on another road
+ALONG = 1.0  # m/s; slower, two fixes do not tell the direction of travel
+LONGEST_STEP = 3.0  # s between fixes; no course across a longer gap
+POSITION_SD = 1.0  # m along the road, of a fix: slopes that change sharply are known less
+
+
+@dataclass(frozen=True)
+class Fixes:
+    """Where a drive was. time: ns; latitude, longitude: deg; heading: rad, NaN at rest."""
+
+    time: Stamps
+    latitude: Floats
+    longitude: Floats
+    heading: Floats
+
+
+def from_road(model: RoadModel, tables: Sequence[Table]) -> Table:
+    """`/truth/angles` of a drive over the road, at the fixes: grade, bank and their sds.
+
+    Raises LogReadError without fixes, and where none of them lies on the road.
+    """
+    fixes = fixes_of(tables, model.name)
+    x, y = model.plane.forward(fixes.latitude, fixes.longitude)
+    station, offset, turn = model.locate(x, y, fixes.heading, FAR)
+    known = np.isfinite(station)
+    if not known.any():
+        raise LogReadError(f"{model.name}: no part of the drive lies on this road")
+    station, offset, turn = station[known], offset[known], turn[known]
+    grade, bank = car_axes(*beside(model, station, offset), turn)
+    there = model.at(station)
+    sds = []
+    for name in ("grade", "bank"):
+        change = np.nan_to_num(np.gradient(getattr(model, name), model.s))
+        moved = POSITION_SD * np.interp(station, model.s, change)
+        sds.append(np.hypot(getattr(there, f"{name}_sd"), moved))
+    return gnss.table(fixes.time[known], grade, sds[0], bank, sds[1])
+
+
+def fixes_of(tables: Sequence[Table], road: str) -> Fixes:
+    """The drive's fixes with the heading of its way. Raises LogReadError."""
+    found = next((t for t in tables if t.topic == SECTIONS["gnss"].topic), None)
+    if found is None or not np.isfinite(found.columns["latitude"]).any():
+        raise LogReadError(f"{road}: a road needs positions, but the drive has none")
+    latitude, longitude = found.columns["latitude"], found.columns["longitude"]
+    known = np.isfinite(latitude) & np.isfinite(longitude)
+    if known.sum() < 2:
+        raise LogReadError(f"{road}: the drive has a single fix, which has no direction")
+    time = found.time[known]
+    order = np.argsort(time, kind="stable")
+    time, latitude, longitude = (
+        values[order] for values in (time, latitude[known], longitude[known])
+    )
+    return Fixes(
+        time, latitude, longitude, _heading(found, known, order, time, latitude, longitude)
+    )
+
+
+def _heading(
+    found: Table, known: np.ndarray, order: np.ndarray, time: Stamps, latitude: Floats,
+    longitude: Floats,
+) -> Floats:  # fmt: skip
+    """rad: two antennas', else the receiver's course, else that of its places."""
+    from roadlog.geo import TransverseMercator
+
+    x, y = TransverseMercator(float(latitude[0]), float(longitude[0])).forward(latitude, longitude)
+    seconds = (time - time[0]) * 1e-9
+    distinct = np.concatenate([[True], np.diff(seconds) > 0])
+    vx, vy = (np.interp(seconds, seconds[distinct], np.gradient(p[distinct], seconds[distinct]))
+              for p in (x, y))  # fmt: skip
+    gap = np.maximum(np.diff(seconds, prepend=seconds[0]), np.diff(seconds, append=seconds[-1]))
+    moving = (np.hypot(vx, vy) > ALONG) & (gap < LONGEST_STEP)
+    heading = np.where(moving, np.arctan2(vy, vx), np.nan)
+    for name in ("course", "heading"):
+        if name in found.columns:
+            own = np.asarray(found.columns[name], np.float64)[known][order]
+            usable = np.isfinite(own) & (moving | (name == "heading"))
+            heading = np.where(usable, own, heading)
+    return heading
