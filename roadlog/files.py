@@ -29,7 +29,7 @@ BUFFER = 1 << 20  # bytes that are written to the file at once
 OWNER_WRITES = 0o200
 TRIES = 3  # to make a temporary file
 _PART = re.compile(r"\.roadlog-([0-9a-f]{1,16})-[0-9a-f]{16}\.part")
-_NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0) | os.O_CLOEXEC
+NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0) | os.O_CLOEXEC
 
 
 class State(NamedTuple):
@@ -106,7 +106,7 @@ class Part:
             self._appear(target)
         else:
             if state(target) != standing:
-                raise _changed(target)
+                raise changed(target)
             status = target.lstat()
             if stat.S_ISREG(status.st_mode):
                 check_unprotected(target, status)
@@ -126,16 +126,17 @@ class Part:
         try:
             os.link(self.path, target, follow_symlinks=False)  # fails where there is anything
         except FileExistsError:
-            raise _changed(target) from None
+            raise changed(target) from None
         except (OSError, NotImplementedError):  # a file system without links
             if state(target) is not None:
-                raise _changed(target) from None
+                raise changed(target) from None
             self.path.replace(target)
         else:
             self.path.unlink()
 
 
-def _changed(target: Path) -> LogWriteError:
+def changed(target: Path) -> LogWriteError:
+    """The error for a file that is not what it was."""
     return LogWriteError(
         f"{target}: was changed by another program meanwhile, and is left so; run again when "
         f"nobody writes to it, or write elsewhere (-o)"
@@ -205,7 +206,7 @@ def remove_left_over(folder: Path) -> None:
         return
     for name in found:
         with suppress(OSError):
-            handle = os.open(folder / name, os.O_RDONLY | _NO_FOLLOW | os.O_NONBLOCK)
+            handle = os.open(folder / name, os.O_RDONLY | NO_FOLLOW | os.O_NONBLOCK)
             try:
                 if _is_ours(name, os.fstat(handle)) and lock(handle):
                     (folder / name).unlink()
@@ -235,7 +236,7 @@ def _new(folder: Path, mode: int) -> Part:
     for _ in range(TRIES):
         chance = secrets.token_hex(8)
         first = folder / f".roadlog-0-{chance}.part"
-        handle = os.open(first, os.O_RDWR | os.O_CREAT | os.O_EXCL | _NO_FOLLOW, mode)
+        handle = os.open(first, os.O_RDWR | os.O_CREAT | os.O_EXCL | NO_FOLLOW, mode)
         file = os.fdopen(handle, "w+b", BUFFER)
         path = folder / f".roadlog-{os.fstat(handle).st_ino:x}-{chance}.part"
         try:

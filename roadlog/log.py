@@ -16,6 +16,7 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import DEFAULT_RATE, Drive
 from roadlog.errors import LogReadError, MissingSignalError, near
 from roadlog.estimate import Estimate
+from roadlog.files import changed
 from roadlog.location_fix import location_fix
 from roadlog.memory import trim
 from roadlog.signals import (
@@ -76,16 +77,24 @@ class DriveLog:
 
     profile: a profile file or the name of a shipped one, for an MCAP of others; without it the one
     that an earlier run stored in the file counts, or the shipped one that the message types ask
-    for. Raises LogReadError when the file is no readable MCAP, ConfigError.
+    for. recover: put the file back where a change of it was interrupted; else it is only read as
+    it was before. Raises LogReadError when the file is no readable MCAP, ConfigError.
     """
 
-    def __init__(self, path: Path | str, profile: Path | str | None = None) -> None:
+    def __init__(
+        self,
+        path: Path | str,
+        profile: Path | str | None = None,
+        *,
+        recover: bool = True,
+    ) -> None:
         self.path = Path(path)
         self._given = profile
-        self._open()
+        self._open(recover)
 
-    def _open(self) -> None:
-        self._reader = LogReader(self.path)
+    def _open(self, recover: bool = True) -> None:
+        self._reader = LogReader(self.path, recover=recover)
+        self._fingerprint = self._reader.fingerprint(_is_result)
         self.channels: tuple[Channel, ...] = self._reader.channels
         self.metadata = self._reader.metadata
         self.start_ns = self._reader.start_ns
@@ -207,6 +216,7 @@ class DriveLog:
         vehicle: Vehicle | None = None,
         out: Path | None = None,
         in_place: bool = False,
+        force: bool = True,
     ) -> None:
         """Put estimates into the log, in place of earlier ones of the same name.
 
@@ -214,7 +224,8 @@ class DriveLog:
         in memory; others are known by themselves.
         Everything else stays byte for byte; the file is replaced at once or not at all. vehicle:
         stored in the log when given. in_place: change the file itself, with an undo journal beside
-        it, instead of writing a copy. Raises LogWriteError.
+        it, instead of writing a copy. force: what stands at `out` may go. Raises LogWriteError,
+        also where the log is not the one any more that was read.
         """
         names = set(names)
         if in_place or not names:  # a file that is being changed waits for nothing
@@ -248,9 +259,23 @@ class DriveLog:
                 drop_metadata=replaced.__contains__,
                 out=out,
                 in_place=in_place,
+                force=force,
+                check=self._check_same,
             )
         if out is None:
             self._open()  # the file is another one now
+
+    def _check_same(self, now: LogReader) -> None:
+        """Raise LogWriteError unless a log is the one that was read, maybe with other results."""
+        if now.source.state == self._reader.source.state:
+            return
+        is_whole = not now.contents.losses
+        if not is_whole or now.fingerprint(_is_result) != self._fingerprint:
+            raise changed(self.path)
+
+
+def _is_result(topic: str) -> bool:
+    return split_estimate_topic(topic) is not None
 
 
 def _record(estimate: Estimate, drive: Drive, engine: str) -> dict[str, str]:

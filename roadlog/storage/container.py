@@ -7,6 +7,7 @@ is there is checked.
 from __future__ import annotations
 
 import os
+import stat
 import struct
 import threading
 from collections.abc import Iterator
@@ -19,6 +20,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from roadlog.errors import LogReadError
+from roadlog.files import State
 from roadlog.storage import records
 from roadlog.storage.records import (
     MAGIC,
@@ -52,16 +54,28 @@ class Reader(Protocol):
 
 
 class Source:
-    """Random access to a file's bytes. Reading beyond its end raises Damage."""
+    """Random access to a plain file's bytes. Reading beyond its end raises Damage.
+
+    state: which file it was, and its size and time, when it was opened.
+    """
 
     def __init__(self, path: Path) -> None:
-        try:
-            self._file = path.open("rb")
-            self._opened = os.fstat(self._file.fileno())
+        try:  # without waiting: a pipe has nobody at its other end
+            handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
         except OSError as error:
             raise LogReadError(f"{path}: cannot be opened: {error.strerror}") from error
-        self._path, self.size = path, self._opened.st_size
+        status = os.fstat(handle)
+        if not stat.S_ISREG(status.st_mode):
+            os.close(handle)
+            raise LogReadError(f"{path}: cannot be read: it is no plain file")
+        self._file = os.fdopen(handle, "rb")
+        self._path, self.state, self.size = path, State.of(status), status.st_size
         self._lock = threading.Lock()
+
+    @property
+    def handle(self) -> int:
+        """The open file."""
+        return self._file.fileno()
 
     def read(self, offset: int, length: int) -> bytes:
         if offset < 0 or length < 0 or offset + length > self.size:
@@ -94,16 +108,12 @@ class Source:
         for rest in range(position, end, COPY_SIZE):
             file.write(self.read(rest, min(COPY_SIZE, end - rest)))
 
-    def is_as_opened(self) -> bool:
-        """Whether the path still names this file, and nobody has written to it since."""
+    def is_there(self) -> bool:
+        """Whether the path still names this file."""
         try:
-            now = self._path.stat()
+            return os.path.samestat(self._path.stat(), os.fstat(self.handle))
         except OSError:
             return False
-        return os.path.samestat(now, self._opened) and (now.st_size, now.st_mtime_ns) == (
-            self._opened.st_size,
-            self._opened.st_mtime_ns,
-        )
 
     def close(self) -> None:
         self._file.close()

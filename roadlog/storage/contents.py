@@ -76,7 +76,8 @@ class MetadataPlace(NamedTuple):
 class Contents:
     """What a file holds.
 
-    counts: messages per channel id. losses: sentences on what is damaged or missing.
+    counts: messages per channel id. losses: sentences on what is damaged or missing. behind: bytes
+    that follow the end of the log.
     """
 
     schemas: dict[int, Schema] = field(default_factory=dict)
@@ -88,6 +89,7 @@ class Contents:
     start_ns: int | None = None
     end_ns: int | None = None
     losses: list[str] = field(default_factory=list)
+    behind: int = 0
 
 
 def contents(source: Source) -> Contents:
@@ -100,7 +102,9 @@ def contents(source: Source) -> Contents:
     except Damage as damage:
         problem = str(damage)
     found = scan(source)
-    if problem and not found.losses:
+    if found.behind:
+        found.losses.append(f"{found.behind} bytes lie behind its end and were not read")
+    elif problem and not found.losses:
         found.losses.append(f"its summary is damaged ({problem}); all messages were found anyway")
     return found
 
@@ -194,6 +198,8 @@ def scan(source: Source) -> Contents:
                 result.attachments += 1
             elif found.opcode == records.DATA_END:
                 data_end = found
+            elif found.opcode == records.FOOTER:
+                result.behind = max(0, source.size - found.end - len(MAGIC))
     except Damage as damage:
         if data_end is None:
             result.losses.append(f"it is damaged: {damage}; what was read lies before")

@@ -1,29 +1,38 @@
 """Undo journal: a log that is changed in place can be put back as it was, whatever happens.
 
 Before the first byte of `x.mcap` changes, everything behind the place of change is in
-`x.mcap.undo`, complete and on disk. When the change is done the journal goes. Whoever opens a log
-beside which a journal lies puts it back first; a lock tells a change that was interrupted from
-one that is going on.
+`x.mcap.undo`, complete and on disk. When the change is done the journal goes. A lock tells a change
+that was interrupted from one that is going on. A journal is believed only where it proves that it
+belongs to the log beside it: anybody may have put it there.
 """
 
 from __future__ import annotations
 
+import hashlib
+import io
+import logging
 import os
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING, NamedTuple
 
 from roadlog import files
 from roadlog.errors import LogReadError, LogWriteError
+from roadlog.storage import records
 from roadlog.storage.container import COPY_SIZE, Source, crc_of
-from roadlog.storage.records import Damage, crc32
+from roadlog.storage.records import Damage
 
-MAGIC = b"roadlog undo 1\n"
-_HEAD = struct.Struct("<QQII")  # place of change, old size, CRC of the old end, fingerprint
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
+
+MAGIC = b"roadlog undo 2\n"
+_HEAD = struct.Struct("<QQI32s")  # place of change, old size, CRC of the old end, fingerprint
 HEAD_SIZE = len(MAGIC) + _HEAD.size
-FINGERPRINT = 1 << 16  # bytes before the place of change by which a journal knows its log
+FINGERPRINT = 1 << 16  # bytes of the beginning, and before the place of change, that tell the log
+
+_said = logging.getLogger("roadlog")
 
 
 def path_of(log: Path) -> Path:
@@ -31,34 +40,72 @@ def path_of(log: Path) -> Path:
     return log.with_name(log.name + ".undo")
 
 
-class Before:
+class Before(Source):
     """A log as it was: its unchanged beginning, and its old end from the journal."""
 
     def __init__(self, log: Source, journal: Source, cut: int) -> None:
         self._log, self._journal, self._cut = log, journal, cut
-        self.size = log.size
+        self.size = cut + journal.size - HEAD_SIZE
+        self.state = log.state
 
     def read(self, offset: int, length: int) -> bytes:
-        if offset < self._cut:
-            return self._log.read(offset, length)
-        return self._journal.read(offset - self._cut + HEAD_SIZE, length)
+        if offset < 0 or length < 0 or offset + length > self.size:
+            raise Damage(f"bytes {offset} to {offset + length} of a file of {self.size}")
+        first = max(0, min(length, self._cut - offset))
+        start = self._log.read(offset, first) if first else b""
+        if first == length:
+            return start
+        return start + self._journal.read(offset + first - self._cut + HEAD_SIZE, length - first)
 
     def copy_to(self, file: IO[bytes], start: int, end: int) -> None:
         for position in range(start, end, COPY_SIZE):
             file.write(self.read(position, min(COPY_SIZE, end - position)))
 
+    def close(self) -> None:
+        self._log.close()
+        self._journal.close()
+
+
+class _Journal(NamedTuple):
+    """What a journal says, and the journal itself behind its head."""
+
+    cut: int
+    size: int
+    source: Source
+
+    @classmethod
+    def of(cls, log: Source, source: Source) -> _Journal:
+        """Check that a journal is whole and belongs to the log. Raises Damage."""
+        head = source.read(0, min(HEAD_SIZE, source.size))
+        if not head.startswith(MAGIC) or len(head) < HEAD_SIZE:
+            raise Damage("it is no journal")
+        cut, size, crc, fingerprint = _HEAD.unpack_from(head, len(MAGIC))
+        is_whole = size - cut == source.size - HEAD_SIZE
+        if not is_whole or crc_of(source, HEAD_SIZE, source.size) != crc:
+            raise Damage("it is not whole")
+        is_log = log.size >= cut > len(records.MAGIC) and log.read(0, 8) == records.MAGIC
+        if not is_log or _fingerprint(log, cut) != fingerprint:
+            raise Damage("it belongs to another log")
+        return cls(cut, size, source)
+
+
+def _fingerprint(source: Source, cut: int) -> bytes:
+    start, end = source.read(0, min(cut, FINGERPRINT)), max(0, cut - FINGERPRINT)
+    return hashlib.sha256(start + source.read(end, cut - end)).digest()
+
 
 @contextmanager
-def changing(log: Path, source: Source, cut: int) -> Iterator[Before]:
-    """Keep what lies behind byte `cut` while the log is changed from there on.
+def changing(log: Path, source: Source, cut: int) -> Iterator[tuple[Before, IO[bytes]]]:
+    """A log as it was, and the file itself to write to from byte `cut` on.
 
-    When the body raises the log is put back. Raises LogWriteError.
+    When the body raises the log is put back. Bytes that another program appends meanwhile stay.
+    Raises LogWriteError.
     """
     path = path_of(log)
     if files.state(path) is not None:
         raise LogWriteError(f"{path}: is in the way of a change in place; move it away")
     try:
-        with files.temporary(path.parent, 0o600) as part:
+        with files.temporary(path.parent, 0o600) as part, _opened(log, source) as handle:
             crc = crc_of(source, cut, source.size)
             head = _HEAD.pack(cut, source.size, crc, _fingerprint(source, cut))
             part.file.write(MAGIC + head)
@@ -66,17 +113,184 @@ def changing(log: Path, source: Source, cut: int) -> Iterator[Before]:
             part.sync()
             part.become(path, None)
             kept = Source(path)
+            target = _Guarded(log, handle, source.size)
+            target.seek(cut)
             try:
-                yield Before(source, kept, cut)
+                with io.BufferedWriter(target, files.BUFFER) as file:
+                    yield Before(source, kept, cut), file
+                    file.flush()
+                    target.check()
+                    os.fsync(handle)
+            except _CutShortError:
+                raise  # the journal holds what is gone
             except BaseException:
-                _put_back(log, kept)
+                _put_back(target, _Journal(cut, source.size, kept))
+                _remove(path, kept.state)
                 raise
             finally:
                 kept.close()
-            path.unlink()
-            files.sync_folder(path.parent)
+            _remove(path, kept.state)
+        if not source.is_there():
+            raise LogWriteError(
+                f"{log}: was renamed, removed or replaced by another program meanwhile; what has "
+                f"that name now holds no new results"
+            )
     except OSError as error:
         raise LogWriteError(f"{log}: cannot be changed in place: {error.strerror}") from error
+
+
+class _CutShortError(LogWriteError):
+    """Another program cut the log short: it must not be touched any more."""
+
+
+class _Guarded(io.RawIOBase):
+    """A log that is written to as long as nobody else writes to it.
+
+    end: where the file ends, as far as we know.
+    """
+
+    def __init__(self, path: Path, handle: int, end: int) -> None:
+        self.path, self.handle, self.end, self.at = path, handle, end, 0
+
+    def writable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        self.at = offset + {os.SEEK_SET: 0, os.SEEK_CUR: self.at, os.SEEK_END: self.end}[whence]
+        return self.at
+
+    def tell(self) -> int:
+        return self.at
+
+    def write(self, data: ReadableBuffer) -> int:
+        self.check()
+        os.lseek(self.handle, self.at, os.SEEK_SET)
+        count = os.write(self.handle, data)
+        self.at += count
+        self.end = max(self.end, self.at)
+        return count
+
+    def check(self) -> None:
+        size = os.fstat(self.handle).st_size
+        if size > self.end:
+            raise LogWriteError(f"{self.path}: another program appended to it, and it is left so")
+        if size < self.end:
+            raise _CutShortError(
+                f"{self.path}: another program cut it short; what it ended with before lies in "
+                f"{path_of(self.path)}"
+            )
+
+    def truncate(self, size: int | None = None) -> int:
+        self.check()
+        self.end = self.at if size is None else size
+        os.ftruncate(self.handle, self.end)
+        return self.end
+
+    def close(self) -> None:
+        """The handle is not ours."""
+
+
+@contextmanager
+def _opened(log: Path, source: Source) -> Iterator[int]:
+    """The log that was read, to write to, and no other."""
+    handle = os.open(log, os.O_RDWR | files.NO_FOLLOW)
+    try:
+        if files.State.of(os.fstat(handle)) != source.state:
+            raise files.changed(log)
+        yield handle
+    finally:
+        os.close(handle)
+
+
+def recover(log: Path, *, only_look: bool = False) -> Source:
+    """The log to read, put back first if a change of it was interrupted.
+
+    only_look: change nothing, and give the log as it would be. Raises LogReadError.
+    """
+    source = Source(log)
+    try:
+        is_mcap = source.read(0, min(len(records.MAGIC), source.size)) == records.MAGIC
+        if not is_mcap or files.state(path_of(log)) is None:
+            return source
+        kept = Source(path_of(log))
+        try:
+            found = _proven(log, source, kept)
+            if found is not None and only_look:
+                _said.warning(
+                    "%s: a change in place was interrupted; it is shown as it was before, and the "
+                    "next `roadlog estimate` puts it back",
+                    log,
+                )
+                return Before(source, kept, found.cut)
+            if found is not None:
+                with _opened(log, source) as handle:
+                    _put_back(_Guarded(log, handle, source.size), found)
+                _remove(path_of(log), kept.state)
+                _said.warning("%s: a change in place was interrupted; it was put back", log)
+        except BaseException:
+            kept.close()
+            raise
+    except OSError as error:
+        source.close()
+        raise LogReadError(
+            f"{log}: a change in place was interrupted and cannot be undone: {error.strerror}"
+        ) from error
+    except BaseException:
+        source.close()
+        raise
+    kept.close()
+    source.close()
+    return Source(log)
+
+
+def _proven(log: Path, source: Source, kept: Source) -> _Journal | None:
+    """The journal of a log if it is one; None if the change ended just now. Raises LogReadError."""
+    if not files.lock(kept.handle):
+        raise LogReadError(f"{log}: is being changed by another process; try again later")
+    if not kept.is_there():
+        return None
+    try:
+        status, own = os.fstat(kept.handle), os.fstat(source.handle)
+        if path_of(log).is_symlink() or status.st_nlink > 1 or own.st_nlink > 1:
+            raise Damage("one of them is a link")
+        if status.st_uid not in (0, own.st_uid, _user(own.st_uid)):
+            raise Damage("it is another user's")
+        return _Journal.of(source, kept)
+    except Damage as damage:
+        raise LogReadError(
+            f"{path_of(log)}: would undo a change of {log.name}, but {damage}; delete it to go on"
+        ) from damage
+
+
+def _user(default: int) -> int:
+    return os.geteuid() if hasattr(os, "geteuid") else default
+
+
+def _put_back(target: _Guarded, found: _Journal) -> None:
+    """Write the old end again, and behind it what another program appended meanwhile."""
+    size = os.fstat(target.handle).st_size
+    if size < target.end:
+        raise _CutShortError(f"{target.path}: another program cut it short, and it is left so")
+    with os.fdopen(os.dup(target.handle), "r+b") as file:
+        file.seek(target.end)
+        appended = file.read()
+        file.seek(found.cut)
+        found.source.copy_to(file, HEAD_SIZE, found.source.size)
+        file.write(appended)
+        file.truncate()
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _remove(path: Path, made: files.State) -> None:
+    """Remove the journal that we made, and no other file of its name."""
+    with suppress(OSError):
+        if files.state(path) == made:
+            path.unlink()
+            files.sync_folder(path.parent)
 
 
 def forget(log: Path) -> None:
@@ -88,63 +302,3 @@ def forget(log: Path) -> None:
         with path.open("rb") as file:
             if file.read(len(MAGIC)) == MAGIC and files.lock(file):
                 path.unlink()
-
-
-def recover(log: Path) -> None:
-    """Put back a log whose change was interrupted. Raises LogReadError."""
-    path = path_of(log)
-    if not path.exists():
-        return
-    try:
-        with path.open("r+b") as file:
-            if not files.lock(file):
-                raise LogReadError(f"{log}: is being changed by another process; try again later")
-            if not path.exists():
-                return  # that process was done just now
-            kept = Source(path)
-            try:
-                _put_back(log, kept)
-            finally:
-                kept.close()
-    except OSError as error:
-        raise LogReadError(
-            f"{log}: a change in place was interrupted and cannot be undone: {error.strerror}"
-        ) from error
-
-
-def _put_back(log: Path, kept: Source) -> None:
-    """Write the old end again; the journal goes when that is on disk."""
-    path = path_of(log)
-    try:
-        head = kept.read(0, HEAD_SIZE)
-        cut, size, crc, fingerprint = _HEAD.unpack_from(head, len(MAGIC))
-        is_whole = head.startswith(MAGIC) and size - cut == kept.size - HEAD_SIZE
-        if not is_whole or crc_of(kept, HEAD_SIZE, kept.size) != crc:
-            raise Damage("it is not whole")
-        now = Source(log)
-        try:
-            if _fingerprint(now, cut) != fingerprint:
-                raise Damage("it belongs to another log")
-        finally:
-            now.close()
-    except Damage as damage:
-        raise LogReadError(
-            f"{path}: would undo a change of {log.name}, but {damage}; delete it to go on"
-        ) from damage
-    with log.open("r+b") as file:
-        file.seek(cut)
-        kept.copy_to(file, HEAD_SIZE, kept.size)
-        file.truncate(size)
-        _sync(file)
-    path.unlink()
-    files.sync_folder(path.parent)
-
-
-def _fingerprint(source: Source, cut: int) -> int:
-    start = max(0, cut - FINGERPRINT)
-    return crc32(source.read(start, cut - start))
-
-
-def _sync(file: IO[bytes]) -> None:
-    file.flush()
-    os.fsync(file.fileno())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
@@ -12,7 +13,7 @@ from typing import TypeVar
 from roadlog.errors import LogReadError, MissingSignalError, near
 from roadlog.storage import container, journal
 from roadlog.storage.columns import Columns
-from roadlog.storage.container import Source
+from roadlog.storage.container import CHUNK_HEAD, RAW
 from roadlog.storage.contents import contents
 from roadlog.storage.encodings import Codec, codec_of
 from roadlog.storage.records import (
@@ -31,6 +32,9 @@ AHEAD = 2  # batches of chunks that are inflated while another is taken apart
 BATCH = 1 << 22  # bytes; to hand over every chunk on its own takes a tenth of the time
 WORTH_A_THREAD = 1 << 26  # bytes of chunks; below, it all takes a tenth of a second
 
+SAMPLED = 16  # chunks whose first bytes, with the CRC of their content, tell a log from others
+SAMPLE = 1 << 16  # bytes of messages outside chunks
+
 NO_SCHEMA = Schema(0, "", "", b"")
 
 T = TypeVar("T")
@@ -42,15 +46,15 @@ class LogReader:
 
     channels: what the file declares. metadata: records by name, the last one wins. start_ns,
     end_ns: first and last log time, None without messages. losses: sentences on what could not be
-    read. strict: raise instead of noting a loss. Raises LogReadError.
+    read. strict: raise instead of noting a loss. recover: put the file back first where a change
+    of it was interrupted; else it is only read as it was before. Raises LogReadError.
     """
 
-    def __init__(self, path: Path, *, strict: bool = False) -> None:
+    def __init__(self, path: Path, *, strict: bool = False, recover: bool = True) -> None:
         self.path = Path(path)
         self.strict = strict
         self.losses: list[str] = []
-        journal.recover(self.path)
-        self.source = Source(self.path)
+        self.source = journal.recover(self.path.resolve(), only_look=not recover)
         try:
             head = self.source.read(0, min(len(MAGIC), self.source.size))
             if head != MAGIC:
@@ -143,6 +147,20 @@ class LogReader:
 
     def _channels(self, topic: str) -> list[ChannelRecord]:
         return [c for c in self.contents.channels.values() if c.topic == topic]
+
+    def fingerprint(self, leave_out: Callable[[str], bool]) -> str:
+        """What tells this log from any other, whatever lies on topics that are left out."""
+        out = {c.id for c in self.contents.channels.values() if leave_out(c.topic)}
+        chunks = [c for c in self.contents.chunks if not c.indexes or c.indexes.keys() - out]
+        seen = hashlib.sha256()
+        for k, chunk in enumerate(chunks):
+            topics = sorted(self.contents.channels[id_].topic for id_ in chunk.indexes)
+            what = (chunk.start_ns, chunk.end_ns, chunk.size, chunk.compression, topics)
+            seen.update(repr(what).encode())
+            if k % -(-len(chunks) // SAMPLED) == 0:
+                head = min(chunk.length, SAMPLE) if chunk.compression == RAW else CHUNK_HEAD.size
+                seen.update(self.source.read(chunk.offset, head))
+        return seen.hexdigest()
 
     def _loaded(self, chunks: Sequence[Chunk]) -> Iterator[tuple[Chunk, bytes]]:
         """Chunks with their records; a damaged one is skipped and said in `losses`."""

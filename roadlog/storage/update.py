@@ -6,7 +6,7 @@ their places change, and the summary that tells them.
 
 from __future__ import annotations
 
-import os
+import logging
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roadlog.errors import LogWriteError
-from roadlog.files import replacing
+from roadlog.files import check_unprotected, replacing, temporary
 from roadlog.storage import container, crc, journal, records
 from roadlog.storage.container import RAW, Record, Source, outer_records, walk, word
 from roadlog.storage.contents import Contents
@@ -25,6 +25,8 @@ from roadlog.storage.reader import LogReader
 from roadlog.storage.records import LOG_TIME, PREFIX, Chunk, Damage, Fields
 from roadlog.storage.table import Table
 from roadlog.storage.writer import Writer
+
+_said = logging.getLogger("roadlog")
 
 
 def update_log(
@@ -36,37 +38,62 @@ def update_log(
     drop_metadata: Callable[[str], bool],
     out: Path | None = None,
     in_place: bool = False,
+    force: bool = True,
+    check: Callable[[LogReader], None] = lambda _: None,
 ) -> None:
     """Replace what `drop` names by `tables` in an existing log; the rest stays byte for byte.
 
     drop: of topics. drop_metadata: of record names. out: write here and leave `path` as it is.
     The file is replaced at once or not at all. in_place: change the file itself from the first
     byte that differs, with an undo journal beside it, which needs no room for a second file.
+    force: what stands at `out` may go. check: raises where the log is another than was meant.
     Raises LogReadError; LogWriteError, also where another program wrote to the log meanwhile: what
     it wrote stays.
     """
-    path = Path(path)
+    given, path = path, Path(path).resolve()
     with LogReader(path) as old:
+        check(old)
         plan = _Plan.of(old, drop, drop_metadata)
-        if not in_place or out is not None:
-            with replacing(Path(out or path)) as file:
-                writer = Writer(file, crc=plan.start_crc(old.source))
-                _write(writer, plan, old.source, tables, metadata)
-                if out is None and not old.source.is_as_opened():
-                    raise LogWriteError(
-                        f"{path}: was changed by another program while results were made, and is "
-                        f"left so; run again when nobody writes to it, or write elsewhere (--out)"
-                    )
-            journal.forget(Path(out or path))
+        start_crc = plan.start_crc(old.source)
+        if out is not None:
+            with replacing(Path(out), force=force) as file:
+                _write(Writer(file, crc=start_crc), plan, old.source, tables, metadata)
+            journal.forget(Path(out))
             return
-        cut, crc_before = plan.first_change, plan.start_crc(old.source)
-        with changing(path, old.source, cut) as before, path.open("r+b") as file:
-            file.seek(cut)
-            writer = Writer(file, offset=cut, crc=crc_before)
-            _write(writer, plan, before, tables, metadata)
-            file.truncate()
-            file.flush()
-            os.fsync(file.fileno())
+        if old.contents.behind:
+            raise LogWriteError(
+                f"{given}: {old.contents.behind} bytes lie behind its end and would be lost; write "
+                f"elsewhere (-o)"
+            )
+        _check_writable(given, path, in_place)
+        if in_place:
+            with changing(path, old.source, plan.first_change) as (before, file):
+                writer = Writer(file, offset=plan.first_change, crc=start_crc)
+                _write(writer, plan, before, tables, metadata)
+                file.truncate()
+            return
+        try:
+            with temporary(path.parent, 0o600) as part:
+                _write(Writer(part.file, crc=start_crc), plan, old.source, tables, metadata)
+                part.sync()
+                part.become(path, old.source.state)
+        except OSError as error:
+            raise LogWriteError(f"{given}: cannot be written: {error.strerror}") from error
+
+
+def _check_writable(given: Path, path: Path, in_place: bool) -> None:
+    """Raise LogWriteError for a protected log; say which file is changed where it is not clear."""
+    status = path.stat()
+    check_unprotected(given, status)
+    if given.is_symlink():
+        _said.warning("%s: is a link; the results go into %s", given, path)
+    if status.st_nlink > 1 and not in_place:
+        _said.warning(
+            "%s: has %d names (hard links); only this one gets the results, --in-place gives them "
+            "to all",
+            given,
+            status.st_nlink,
+        )
 
 
 def _write(
