@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -34,6 +34,7 @@ from roadlog.types import Bools, Flags, Floats, Stamps
 from roadlog.version import __version__
 
 if TYPE_CHECKING:
+    from roadlog.checks import Finding
     from roadlog.ingest.profile import Profile
 
 IN_PLACE = "in place"  # the profile record of an MCAP whose own topics it explains
@@ -149,11 +150,17 @@ class DriveLog:
         self.losses += [loss for loss in losses if loss not in self.losses]
         return found
 
-    def drive(self, rate: float = DEFAULT_RATE) -> Drive:
-        """The input signals on one clock. Raises LogReadError when there are none."""
-        tables = self.tables(s.topic for s in INPUTS).values()
+    def inputs(self) -> dict[str, Table]:
+        """The channels that estimators read."""
+        return self.tables(s.topic for s in INPUTS)
+
+    def drive(self, rate: float = DEFAULT_RATE, tables: Mapping[str, Table] | None = None) -> Drive:
+        """The input signals on one clock. Raises LogReadError when there are none.
+
+        tables: of `inputs`, where they have been read already.
+        """
         try:
-            return Drive.from_tables(tables, rate)
+            return Drive.from_tables((tables or self.inputs()).values(), rate)
         except LogReadError as error:
             raise LogReadError("; ".join([f"{self.path}: {error}", *self.losses])) from error
 
@@ -182,7 +189,7 @@ class DriveLog:
         vehicle: Vehicle | None = None,
         **settings: Any,
     ) -> Estimate:
-        """Run one estimator; nothing is written.
+        """Run one estimator; nothing is written, nothing checked (`faults`).
 
         vehicle: instead of the log's own. settings: the estimator's parameters. Raises
         EstimatorError when a needed signal is not there, ConfigError for an unknown name.
@@ -190,6 +197,25 @@ class DriveLog:
         from roadlog import estimators
 
         return estimators.run(name, self.drive(rate), vehicle or self.vehicle, settings)
+
+    def faults(
+        self, vehicle: Vehicle | None = None, tables: Mapping[str, Table] | None = None
+    ) -> list[Finding]:
+        """What looks wrong in the log and should be put right before angles are believed.
+
+        vehicle: instead of the log's own. tables: of `inputs`, where they have been read already.
+        """
+        from roadlog import checks
+
+        found = checks.check(tables or self.inputs(), vehicle or self.vehicle)
+        return [finding for finding in found if finding.level == "fault"]
+
+    @property
+    def warnings(self) -> list[str]:
+        """The faults that were known when the log's estimates were made."""
+        records = [self.metadata.get(f"estimate/{name}", {}) for name in self.estimators]
+        lines = [line for record in records for line in record.get("checks", "").splitlines()]
+        return list(dict.fromkeys(lines))
 
     def stored(self, name: str) -> AngleTrack:
         """The angles of one estimator that the log holds. Raises MissingSignalError."""
@@ -217,6 +243,7 @@ class DriveLog:
         out: Path | None = None,
         in_place: bool = False,
         force: bool = True,
+        faults: Sequence[Finding] = (),
     ) -> None:
         """Put estimates into the log, in place of earlier ones of the same name.
 
@@ -224,8 +251,8 @@ class DriveLog:
         in memory; others are known by themselves.
         Everything else stays byte for byte; the file is replaced at once or not at all. vehicle:
         stored in the log when given. in_place: change the file itself, with an undo journal beside
-        it, instead of writing a copy. force: what stands at `out` may go. Raises LogWriteError,
-        also where the log is not the one any more that was read.
+        it, instead of writing a copy. faults: kept with each estimate. force: what stands at `out`
+        may go. Raises LogWriteError, also where the log is not the one any more that was read.
         """
         names = set(names)
         if in_place or not names:  # a file that is being changed waits for nothing
@@ -244,7 +271,7 @@ class DriveLog:
 
         def tables() -> Iterator[Table]:
             for estimate in estimates:
-                records[f"estimate/{estimate.name}"] = _record(estimate, drive, engine)
+                records[f"estimate/{estimate.name}"] = _record(estimate, drive, engine, faults)
                 yield from estimate.tables(drive)
                 del estimate
                 trim()
@@ -278,7 +305,9 @@ def _is_result(topic: str) -> bool:
     return split_estimate_topic(topic) is not None
 
 
-def _record(estimate: Estimate, drive: Drive, engine: str) -> dict[str, str]:
+def _record(
+    estimate: Estimate, drive: Drive, engine: str, faults: Sequence[Finding]
+) -> dict[str, str]:
     """Metadata record of one estimate; nothing in it changes from run to run."""
     return {
         "parameters": json.dumps(dict(estimate.parameters), sort_keys=True),
@@ -287,6 +316,7 @@ def _record(estimate: Estimate, drive: Drive, engine: str) -> dict[str, str]:
         "inputs": ", ".join(sorted(drive.signals)),
         "duration": f"{drive.time[-1]:.3f} s",
         "notes": "\n".join(estimate.notes),
+        "checks": "\n".join(map(str, faults)),
     }
 
 

@@ -234,6 +234,8 @@ def to_json(
             for name, angles in metrics.items()
         },
     }
+    if log.warnings:
+        result["checks"] = log.warnings
     if stops:
         result["stops"] = {name: asdict(values) for name, values in stops.items()}
     if remove_offset:

@@ -89,7 +89,7 @@ def summarize(log: DriveLog) -> LogSummary:
     drive: Drive | None = None
     found: list[Finding] = []
     try:
-        found = checks.check(tables)
+        found = checks.check(tables, log.vehicle)
         drive = Drive.from_tables(tables.values())
     except LogReadError as error:
         found.append(Finding("no_drive", "fault", (), str(error)))

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from roadlog.checks import motion, values
+from roadlog.car.correction import corrected
+from roadlog.car.vehicle import Vehicle
+from roadlog.checks import clocks, fixes, motion, quality, speeds, values
 from roadlog.checks.finding import Finding
 from roadlog.drive import Drive
 from roadlog.motion import axes
@@ -19,21 +21,27 @@ __all__ = ["Finding", "check", "check_drive"]
 MAX_TILT = 20.0  # deg of the mean specific force against z that no road explains
 
 
-def check(tables: Mapping[str, Table]) -> list[Finding]:
+def check(tables: Mapping[str, Table], vehicle: Vehicle | None = None) -> list[Finding]:
     """Everything that looks wrong in a log's tables; faults first.
 
     Each step puts right what it finds before the next one looks, so that one fault gives one
-    finding.
+    finding. vehicle: what its file corrects is no fault of the drive.
     """
-    found = values.stamps(tables)
+    found = clocks.jumps(tables)
+    jumped = {topic for finding in found for topic in finding.signals}
+    found += [f for f in values.stamps(tables) if jumped.isdisjoint(f.signals)]
     invalid, tables = values.invalid(tables)
     frozen, tables = values.frozen(tables)
     found += invalid + frozen
-    apart = any(finding.check == "clocks_differ" for finding in found)
+    if "/gnss" not in jumped:
+        found += fixes.fixes(tables)
+    if "/imu" not in jumped:
+        found += quality.inertial(tables)
+    apart = any(finding.check in ("clocks_differ", "clock_jump") for finding in found)
     if not apart and next(values.inputs(tables), None):
         degrees, tables = values.in_degrees(tables)
         drive = Drive.from_tables(table for _, table in values.inputs(tables))
-        found += check_drive(drive, degrees)
+        found += check_drive(corrected(drive, vehicle or Vehicle()), degrees)
     return sorted(found, key=lambda finding: finding.level)
 
 
@@ -44,8 +52,9 @@ def check_drive(drive: Drive, degrees: frozenset[str] = frozenset()) -> list[Fin
     """
     state = motion.Examination(Evidence.of(drive), degrees)
     motion.gravity(state)
-    motion.speeds(state)
+    speeds.dead(state)
     motion.latency(state)
+    speeds.speeds(state)
     motion.gyro_unit(state)
     motion.angles(state)
     _axes(state)
@@ -63,6 +72,13 @@ def _axes(state: motion.Examination) -> None:
         return
     if best.turned:
         _mount(state, best, mean)
+    if best.exchanged:
+        state.add(
+            "exchanged",
+            best.exchanged,
+            "are exchanged: each goes with what the other should",
+            "map each to the other's column in the profile",
+        )
     if best.reversed == ("imu.accel",):
         roles = tuple(f"imu.accel_{axis}" for axis in AXES)
         hanging = next((e for e in rivals if not e.reversed), None)

@@ -2,10 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
 Level = Literal["fault", "note"]
+
+# what makes angles wrong that are made of such signals; of all else a standard deviation tells
+SPOILING = frozenset(
+    {
+        "axes",
+        "clock_jump",
+        "clock_step",
+        "clocks_differ",
+        "course",
+        "dead",
+        "exchanged",
+        "gravity",
+        "sign",
+        "unit",
+    }
+)
+MAX_SCALE = 1.15  # of a speed; tires that are wrong by less move the grade by less than its sd
 
 
 @dataclass(frozen=True)
@@ -26,8 +44,36 @@ class Finding:
     at: float | None = None
     value: float | None = None
 
-    def __str__(self) -> str:
+    def spoils(self, roles: Collection[str]) -> bool:
+        """Whether who uses these roles as they are gets wrong angles from them.
+
+        Of two clocks that differ, only who uses both; of all else, who uses any.
+        """
+        if self.check == "speeds_disagree":
+            wrong = self.value is not None and not 1 / MAX_SCALE < self.value < MAX_SCALE
+            return wrong and any(_meets(signal, roles) for signal in self.signals)
+        if self.check not in SPOILING:
+            return False
+        if self.check in ("clocks_differ", "clock_step"):
+            sections = {signal.strip("/").split(".")[0] for signal in self.signals}
+            return all(any(_meets(s, roles) for s in _of(self, one)) for one in sections)
+        return any(_meets(signal, roles) for signal in self.signals)
+
+    @property
+    def short(self) -> str:
+        """What was found, without the advice."""
         at = "" if self.at is None else f" (from {self.at:.1f} s)"
-        return f"{', '.join(self.signals)}: {self.found}{at}" + (
-            f"; {self.advice}" if self.advice else ""
-        )
+        return f"{', '.join(self.signals)}: {self.found}{at}"
+
+    def __str__(self) -> str:
+        return f"{self.short}; {self.advice}" if self.advice else self.short
+
+
+def _of(finding: Finding, section: str) -> list[str]:
+    return [s for s in finding.signals if s.strip("/").split(".")[0] == section]
+
+
+def _meets(signal: str, roles: Collection[str]) -> bool:
+    """Whether a role, a group of roles (`imu.accel`) or a topic is among roles."""
+    name = signal.strip("/")
+    return any(role == name or role.startswith((f"{name}_", f"{name}.")) for role in roles)

@@ -12,11 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from roadlog.checks.finding import Finding
-from roadlog.drive import nan_median
 from roadlog.motion.evidence import (
     AXES,
     MAX_LAG,
-    MOVING,
     NEAR_LAG,
     TRACK_WIDTH,
     WHEELS,
@@ -26,25 +24,18 @@ from roadlog.motion.evidence import (
 )
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
-from roadlog.units import UNITS
 
 GRAVITY_TOLERANCE = 0.5  # m/s2, mean size of the specific force against g
 WEIGHTLESS = 2.0  # m/s2; a smaller mean has no gravity in it at all
-UNIT_TOLERANCE = 0.25  # of the logarithm's scale: how near a ratio must be to a unit's factor
-SPEED_TOLERANCE = 0.05  # two sources of speed, tires and calibration included
-WHEEL_TOLERANCE = 0.03  # a wheel against the others: wear is 1 %, an emergency wheel 3 % and more
-MAX_SPEED = 70.0  # m/s, of an ordinary drive
 MAX_LATERAL = 12.0  # m/s2, that tires give
 TURNING = 0.01  # rad/s, sd of the course rate in the band from which it tells of a gyro
 MAX_ANGLE = 1.0  # rad; no road and no road wheel reaches it
-STRAIGHT = 0.05  # rad/s, yaw rate below which wheels and smoothed tracks are as long as the path
 GOOD_FIT, BETTER_FIT = 0.9, 0.2  # mean cosine between two courses, and what tells two forms apart
 LATENCY = 0.15  # s, of speed against acceleration
 CLOCKS = 1.0  # s; no sensor is that late, its clock is another
 STEP = 0.5  # s, by which the lag of a part must differ from the rest to be a step of a clock
 CLEAR = 0.85  # correlation of speed and acceleration from which a lag counts
 LIVELY = 0.1  # m/s2, sd of the acceleration in the band from which a lag counts
-SPEED_UNITS = ("km/h", "mph", "kn")
 DEGREES = 180 / np.pi
 
 
@@ -106,44 +97,11 @@ def gravity(exam: Examination) -> None:
             exam.drop(roles)
 
 
-def speeds(exam: Examination) -> None:
-    """Units of the speeds, wheels that disagree, speeds that disagree."""
-    evidence = exam.evidence
-    _wheels(exam)
-    sources = exam.evidence.speeds()
-    reference = _track_speed(evidence)
-    for name, speed in sources.items():
-        ratios = {}
-        if reference is not None:
-            ratios[reference[0]] = _ratio(evidence.smooth(speed, TRACK_WIDTH), reference[1])
-        elif (lag := _clear_lag(evidence, speed)) is not None:
-            ratios["the accelerations"] = 1 / lag.ratio
-        others = {n: _ratio(speed, s) for n, s in sources.items() if n != name}
-        ratios |= {n: r for n, r in others.items() if r is not None and r > 1.5}
-        unit = next((u for r in ratios.values() if (u := _speed_unit(r))), None)
-        top = np.nanmax(np.abs(speed)) if np.isfinite(speed).any() else 0.0
-        against = next(iter(ratios), None)
-        if unit is None and top > MAX_SPEED:
-            unit, against = "km/h", f"a car's top speed ({top:.0f} m/s)"
-        roles = _roles_of(name, evidence)
-        if unit is not None:
-            factor = UNITS[unit][1]
-            exam.add(
-                "unit",
-                roles,
-                f"is {1 / factor:.2f} times too large against {against}",
-                f'its unit is {unit}, say unit = "{unit}" in the profile',
-                1 / factor,
-            )
-            exam.scale(roles, factor)
-    _agree(exam, reference)
-
-
 def latency(exam: Examination) -> None:
     """Lag of every speed behind the accelerations, steps of a clock, and both put right."""
     evidence = exam.evidence
     for name, speed in evidence.speeds().items():
-        roles = _roles_of(name, evidence)
+        roles = roles_of(name, evidence)
         step = _step(evidence, speed)
         if step is not None:
             at, before, after = step
@@ -158,7 +116,7 @@ def latency(exam: Examination) -> None:
             )
             exam.drop(roles)
             continue
-        lag = _clear_lag(evidence, speed)
+        lag = clear_lag(evidence, speed)
         if lag is None:
             continue
         if abs(lag.lag) > CLOCKS:
@@ -179,7 +137,12 @@ def latency(exam: Examination) -> None:
                 f"add {lag.lag:.2f} s to its delay in the profile",
                 lag.lag,
             )
-        _shift(exam, roles, lag.lag)
+        late = (
+            [r for r in evidence.signals if r.startswith("gnss.")]
+            if name == "gnss.speed"
+            else roles
+        )
+        _shift(exam, tuple(late), lag.lag)
 
 
 def gyro_unit(exam: Examination) -> None:
@@ -256,70 +219,6 @@ def _course(exam: Examination, role: str) -> None:
         exam.add("course", role, " and ".join(reads), advice)
 
 
-def _wheels(exam: Examination) -> None:
-    evidence = exam.evidence
-    roles = [f"wheel_speeds.{w}" for w in WHEELS if f"wheel_speeds.{w}" in evidence]
-    if len(roles) < 3:
-        return
-    rows = np.stack([evidence[role] for role in roles])
-    middle = nan_median(rows)
-    driving = np.isfinite(rows).all(axis=0) & (middle > MOVING)
-    turn = evidence.course_rate if evidence.course_rate is not None else _turn(evidence)
-    if turn is not None:
-        driving &= np.abs(evidence.smooth(turn, TRACK_WIDTH)) < STRAIGHT
-    if driving.sum() < 10 * evidence.rate:
-        return
-    for role, row in zip(roles, rows, strict=True):
-        ratio = float(np.median(row[driving] / middle[driving]))
-        if abs(ratio - 1) > WHEEL_TOLERANCE:
-            exam.add(
-                "wheel_speeds",
-                role,
-                f"is {ratio:.3f} times the median of the wheels",
-                f"another tire or a wrong scale: scale = {1 / ratio:.4f}, or leave it out",
-                ratio,
-            )
-            exam.scale((role,), 1 / ratio if ratio else np.nan)
-
-
-def _turn(evidence: Evidence) -> Floats | None:
-    """Size of the yaw rate or more: of all that the gyro shows."""
-    rates = [evidence[f"imu.gyro_{a}"] for a in AXES if f"imu.gyro_{a}" in evidence]
-    return np.sqrt(np.sum(np.square(rates), axis=0)) if rates else None
-
-
-def _agree(exam: Examination, reference: tuple[str, Floats] | None) -> None:
-    sources = exam.evidence.speeds()
-    if reference is None and sources:
-        name = "gnss.speed" if "gnss.speed" in sources else next(iter(sources))
-        reference = (name, sources[name])
-    for name, speed in sources.items():
-        if reference is None or name == reference[0]:
-            continue
-        if reference[0] not in sources:
-            speed = exam.evidence.smooth(speed, TRACK_WIDTH)
-        ratio = _ratio(speed, reference[1])
-        if ratio is not None and abs(ratio - 1) > SPEED_TOLERANCE:
-            roles = _roles_of(name, exam.evidence)
-            exam.add(
-                "speeds_disagree",
-                roles,
-                f"is {ratio:.3f} times the speed by {reference[0]}",
-                f"a wrong tire radius or pulse count: scale = {1 / ratio:.4f}",
-                ratio,
-            )
-            exam.scale(roles, 1 / ratio)
-
-
-def _track_speed(evidence: Evidence) -> tuple[str, Floats] | None:
-    """Speed by the positions where the track is straight: smoothing cuts corners."""
-    if evidence.track is None or evidence.course_rate is None:
-        return None
-    straight = np.abs(evidence.smooth(evidence.course_rate, TRACK_WIDTH)) < STRAIGHT
-    speed = np.where(straight, evidence.track[0], np.nan)
-    return ("the positions", speed) if _moves(speed) else None
-
-
 def _step(evidence: Evidence, speed: Floats) -> tuple[float, float, float] | None:
     """Time and lags before and after a step of a clock: two blocks on each side must agree."""
     late = evidence.band(evidence.slope(speed))
@@ -344,7 +243,7 @@ def _step(evidence: Evidence, speed: Floats) -> tuple[float, float, float] | Non
     return None
 
 
-def _clear_lag(evidence: Evidence, speed: Floats) -> Lag | None:
+def clear_lag(evidence: Evidence, speed: Floats) -> Lag | None:
     """Lag of a speed behind the acceleration that follows it, when it is beyond doubt."""
     pair = _longitudinal(evidence, speed)
     return pair[2] if pair else None
@@ -386,29 +285,10 @@ def _power(x: Floats, target: Floats, rate: float) -> float:
     return float(r * r * np.nanvar(x)) if np.isfinite(x).any() else 0.0
 
 
-def _roles_of(name: str, evidence: Evidence) -> tuple[str, ...]:
+def roles_of(name: str, evidence: Evidence) -> tuple[str, ...]:
     if name != "wheel_speeds":
         return (name,)
     return tuple(f"wheel_speeds.{w}" for w in WHEELS if f"wheel_speeds.{w}" in evidence)
-
-
-def _ratio(speed: Floats, other: Floats) -> float | None:
-    both = np.isfinite(speed) & np.isfinite(other) & (np.abs(other) > MOVING)
-    if both.sum() < 50:
-        return None
-    return float(np.median(np.abs(speed[both]) / np.abs(other[both])))
-
-
-def _speed_unit(ratio: float | None) -> str | None:
-    """The unit whose number is this many times the one in m/s."""
-    if ratio is None or not np.isfinite(ratio) or ratio <= 1.5:
-        return None
-    unit = min(SPEED_UNITS, key=lambda u: abs(np.log(ratio * UNITS[u][1])))
-    return unit if abs(np.log(ratio * UNITS[unit][1])) < UNIT_TOLERANCE / 4 else None
-
-
-def _moves(speed: Floats) -> bool:
-    return bool((speed > MOVING).sum() >= 50)
 
 
 def _shift(exam: Examination, roles: tuple[str, ...], lag: float) -> None:

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from roadlog.checks.finding import Finding, Level
+from roadlog.drive import runs
 from roadlog.signals import SECTIONS, Section
 from roadlog.storage import Table
 from roadlog.types import Bools, Floats, Stamps
@@ -32,6 +33,7 @@ LIMITS: dict[str, tuple[float, float]] = {
 ISOLATED = 3.0  # an extreme this many ranges of the rest away, met again and again, is a code
 LATE_FIX = 10.0  # s after the start
 FROZEN = 5.0  # s that a noisy signal stays exactly the same
+SINGLE = 1.5  # codes: steps that are mostly smaller are of one code
 LIVELY = 0.3  # share of steps that turn back: what noise does and a smooth signal does not
 MAX_RADIANS = 100.0  # of a course; more would be sixteen turns one way
 ROLLING = 1.0  # m/s
@@ -109,7 +111,7 @@ def invalid(tables: Mapping[str, Table]) -> Found:
             columns[signal.field] = values.copy()
             columns[signal.field][code] = np.nan
             good = np.flatnonzero(np.isfinite(columns[signal.field]))
-            if section.name == "gnss" and (not len(good) or code[-1] < good[0]):
+            if section.name == "gnss" and len(good) and code[-1] < good[0]:
                 continue  # `_late_fix` says so
             what = (float(values[code[0]]), len(code), int(table.time[code[0]]))
             codes.setdefault(what, []).append(signal.role)
@@ -139,6 +141,8 @@ def frozen(tables: Mapping[str, Table]) -> Found:
             continue
         moving = _moving(tables, table.time)
         columns = dict(table.columns)
+        fields = [signal.field for signal in section.signals]
+        whole = _repeating(table, fields)
         for signal in section.signals:
             values = _known_column(table, signal.field)
             if values is None:
@@ -146,6 +150,8 @@ def frozen(tables: Mapping[str, Table]) -> Found:
             known = np.flatnonzero(np.isfinite(values))
             seconds: Floats = np.multiply(table.time[known], 1e-9)
             stuck = _stuck(values[known], seconds) & moving[known]
+            if stuck.any() and _is_coarse(values[known]):
+                stuck &= whole[known]  # one code of a coarse sensor lasts; all six do not
             if not stuck.any():
                 if len(known) > 1 and np.ptp(values[known]) == 0:
                     found.append(
@@ -271,6 +277,27 @@ def _stuck(values: Floats, seconds: Floats) -> Bools:
     if len(steps) < 10 or np.mean(steps[1:] * steps[:-1] < 0) < LIVELY:
         return np.zeros(len(values), np.bool_)
     return result
+
+
+def _repeating(table: Table, fields: list[str]) -> Bools:
+    """Rows of runs of FROZEN s or more in which every field stays as it is."""
+    columns = [v for f in fields if (v := _known_column(table, f)) is not None]
+    result = np.zeros(len(table), np.bool_)
+    if not columns:
+        return result
+    rows = np.stack(columns)
+    same = np.all((rows[:, 1:] == rows[:, :-1]) | ~np.isfinite(rows[:, 1:]), axis=0)
+    for run in runs(np.concatenate([[False], same])):
+        result[run] = (table.time[run.stop - 1] - table.time[run.start]) * 1e-9 >= FROZEN
+    return result
+
+
+def _is_coarse(values: Floats) -> bool:
+    """Whether a sensor mostly moves by a single code, so that it may rest on one."""
+    codes, steps = np.unique(values), np.abs(np.diff(values))
+    steps = steps[steps > 0]
+    step = float(np.median(np.diff(codes))) if len(codes) > 1 else 0.0
+    return len(steps) > 0 and float(np.median(steps)) < SINGLE * step
 
 
 def _moving(tables: Mapping[str, Table], at: Stamps) -> Bools:

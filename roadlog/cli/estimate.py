@@ -47,13 +47,17 @@ def estimate(
         "compiled"
     ),
     rate: Annotated[float, typer.Option(metavar="HZ", help="Rate of the common clock.")] = 100.0,
+    checks: Annotated[
+        bool, typer.Option(" /--no-checks", help="Do not look for faults of the log first.")
+    ] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Estimate the angles and write them into the log.
 
     They go to /estimates/NAME/angles. Without -e every estimator runs that the log has the signals
-    for. An earlier result of the same estimator is replaced; everything else in the file stays as
-    it is.
+    for. What `roadlog info` finds wrong is a warning; where it makes an angle wrong (units, axes,
+    clocks), the angle is not valid. An earlier result of the same estimator is replaced; everything
+    else in the file stays as it is.
 
     Example: roadlog estimate drive.mcap -e kmbe --set kmbe.smooth=false
     """
@@ -73,7 +77,7 @@ def estimate(
     reports, losses = [], []
     for path in logs:
         report, lost = _estimate_log(
-            path, profile, names, out, in_place, given, parsed, engine, rate
+            path, profile, names, out, in_place, given, parsed, engine, rate, checks
         )
         reports.append(report)
         losses += lost
@@ -94,30 +98,26 @@ def _estimate_log(
     settings: dict[str, dict[str, str]],
     engine: Any,
     rate: float,
+    checks: bool,
 ) -> tuple[dict[str, Any], list[str]]:
     from roadlog import estimators
     from roadlog.errors import EstimatorError
     from roadlog.log import DriveLog
 
     log = DriveLog(path, profile)
-    drive = log.drive(rate)
+    tables = log.inputs()
+    drive = log.drive(rate, tables)
     vehicle = given or log.vehicle
-    refused: dict[str, str] = {}
-    if names:
-        chosen = [estimators.get(name).name for name in dict.fromkeys(names)]
-    else:
-        able, refused = estimators.runnable(drive)
-        chosen = [estimator.name for estimator in able]
+    faults = log.faults(vehicle, tables) if checks else []
+    del tables
+    chosen, refused = _chosen(names, settings, drive)
     by_name = {estimators.get(name).name: values for name, values in settings.items()}
-    unused = set(by_name) - set(chosen)
-    if unused:
-        raise typer.BadParameter(f"{', '.join(sorted(unused))} does not run", param_hint="--set")
     summaries = {}
 
     def estimates() -> Iterator[Estimate]:
         for name in chosen:
             try:
-                made = estimators.run(name, drive, vehicle, by_name.get(name), engine)
+                made = estimators.run(name, drive, vehicle, by_name.get(name), engine, faults)
             except EstimatorError as error:  # one that refuses is not the end of the others
                 refused[name] = str(error).removeprefix(f"{name} cannot run: ")
                 continue
@@ -128,16 +128,42 @@ def _estimate_log(
             raise EstimatorError(f"{path}: no estimator can run. {reasons}")
 
     log.write(
-        estimates(), drive, engine=engine, names=chosen, vehicle=given, out=out, in_place=in_place
+        estimates(),
+        drive,
+        engine=engine,
+        names=chosen,
+        vehicle=given,
+        out=out,
+        in_place=in_place,
+        faults=faults,
     )
     report = {
         "log": str(out or path),
         "duration_s": round(float(drive.time[-1]), 3),
+        "checks": [str(fault) for fault in faults],
         "estimates": summaries,
         "cannot_run": refused,
     }
     asked = [f"{name} cannot run: {refused[name]}" for name in chosen if names and name in refused]
     return report, [f"{path}: {loss}" for loss in [*log.losses, *asked]]
+
+
+def _chosen(
+    names: list[str] | None, settings: dict[str, dict[str, str]], drive: Drive
+) -> tuple[list[str], dict[str, str]]:
+    """The estimators to run, and why others cannot."""
+    from roadlog import estimators
+
+    refused: dict[str, str] = {}
+    if names:
+        chosen = [estimators.get(name).name for name in dict.fromkeys(names)]
+    else:
+        able, refused = estimators.runnable(drive)
+        chosen = [estimator.name for estimator in able]
+    unused = {estimators.get(name).name for name in settings} - set(chosen)
+    if unused:
+        raise typer.BadParameter(f"{', '.join(sorted(unused))} does not run", param_hint="--set")
+    return chosen, refused
 
 
 def _summary(estimate: Estimate, drive: Drive) -> dict[str, Any]:
@@ -179,6 +205,8 @@ def _print(report: dict[str, Any]) -> None:
         f"{report['log']}: {report['duration_s']:.1f} s",
         left=2,
     )
+    for fault in report["checks"]:
+        console.complain(f"warning: {fault}")
     notes: dict[str, list[str]] = {}
     for name, entry in report["estimates"].items():
         for note in entry["notes"]:

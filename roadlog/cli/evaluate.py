@@ -48,6 +48,9 @@ def evaluate(
         log = DriveLog(path, profile)
         results.append((log, metrics.evaluate(log, skip, remove_offset)))
         stops.append(metrics.stop_metrics(log, remove_offset))
+    for log, _ in results:
+        for warning in log.warnings:
+            console.complain(f"warning: {log.path}: {warning}")
     if csv is not None:
         _write_csv(csv, [(str(log.path), values) for log, values in results])
     if as_json:

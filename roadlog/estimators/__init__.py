@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from roadlog import plugins
 from roadlog.car.correction import applied, corrected
@@ -15,6 +15,9 @@ from roadlog.drive import Drive
 from roadlog.errors import ConfigError, EstimatorError, near
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import Engine, Estimator, default_notes
+
+if TYPE_CHECKING:
+    from roadlog.checks.finding import Finding
 
 # estimator -> the module and the attribute that define it; modules are imported when asked for
 TABLE: dict[str, str] = {
@@ -83,10 +86,12 @@ def run(
     vehicle: Vehicle,
     settings: Mapping[str, Any] | None = None,
     engine: Engine = "compiled",
+    faults: Collection[Finding] = (),
 ) -> Estimate:
     """Run one estimator by name, on the drive as the vehicle file corrects its sensors.
 
-    settings: parameters to set. Raises EstimatorError when the drive lacks a needed signal,
+    settings: parameters to set. faults: of `roadlog.checks`; where one makes the angles wrong, none
+    is valid. Raises EstimatorError when the drive lacks a needed signal,
     ConfigError for an unknown name or parameter.
     """
     estimator = get(name)
@@ -102,6 +107,7 @@ def run(
     drive = corrected(drive, vehicle)
     started = time.perf_counter()
     estimate = estimator.with_systematic(estimator.run(drive, vehicle, params, engine)).bounded()
+    estimate = estimator.doubted(estimate, drive, faults)
     return dataclasses.replace(
         estimate,
         name=estimator.name,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 import types
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from roadlog.estimate import Estimate
 from roadlog.filters import ENGINES, Engine
 from roadlog.signals import FLAGS
 from roadlog.types import Floats
+
+if TYPE_CHECKING:
+    from roadlog.checks.finding import Finding
 
 ANY_SPEED = "speed"  # needs: any of wheel_speeds, speed, gnss.speed
 
@@ -32,8 +35,9 @@ class Estimator:
     """An entry of the estimator table.
 
     needs: roles that must be in the drive; alternatives are joined by `|`, "speed" stands for any
-    speed. gives: angles. vehicle: vehicle parameters the method uses; the run notes those that
-    are only defaults. causal: uses no sample of the future in its default parameters.
+    speed. helped: roles, or sections, that it uses where they are there. gives: angles. vehicle:
+    vehicle parameters the method uses; the run notes those that are only defaults. causal: uses no
+    sample of the future in its default parameters.
     systematic_deg: angle -> one sd of what the method's own formula does not know (the sensor's
     offset, its mounting, the body's motion), added in quadrature; source: docs/consistency.md.
     """
@@ -47,6 +51,7 @@ class Estimator:
     summary: str
     causal: bool = False
     vehicle: tuple[str, ...] = ()
+    helped: tuple[str, ...] = ()
     systematic_deg: Mapping[str, float] = field(default_factory=dict)
 
     def missing(self, drive: Drive | None) -> list[str]:
@@ -57,6 +62,31 @@ class Estimator:
         """Why the method cannot run, as "no imu.accel_x, no speed"; empty where it can."""
         needs = (need.replace("|", " or ") for need in self.missing(drive))
         return ", ".join(f"no {need}" for need in needs)
+
+    def used(self, drive: Drive) -> frozenset[str]:
+        """Roles that it takes from this drive."""
+        asked = [role for need in self.needs for role in need.split("|")]
+        asked += [*self.helped, *(drive.sources_of_speed()[:1] if ANY_SPEED in asked else [])]
+        return frozenset(
+            role
+            for role in drive.signals
+            if any(role == a or role.startswith(f"{a}.") for a in asked)
+        )
+
+    def doubted(self, estimate: Estimate, drive: Drive, faults: Collection[Finding]) -> Estimate:
+        """The estimate, nowhere valid if a fault of what it used makes its angles wrong."""
+        roles = self.used(drive)
+        spoiling = [fault for fault in faults if fault.spoils(roles)]
+        if not spoiling:
+            return estimate
+        n = len(estimate.time)
+        flags = np.zeros(n, np.uint32) if estimate.flags is None else estimate.flags
+        return dataclasses.replace(
+            estimate,
+            valid=np.zeros(n, np.bool_),
+            flags=flags | np.uint32(FLAGS["rejected"]),
+            notes=[*estimate.notes, *(f"not valid: {fault.short}" for fault in spoiling)],
+        )
 
     def with_systematic(self, estimate: Estimate) -> Estimate:
         """The estimate with `systematic_deg` in its standard deviations."""

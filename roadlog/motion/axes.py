@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import permutations, product
+from itertools import combinations, permutations, product
 
 import numpy as np
 
@@ -26,17 +26,23 @@ UPRIGHT = 0.8  # cosine: within 37 deg of the axis, mountings by right angles ar
 @dataclass(frozen=True)
 class Explanation:
     """mount: rows of the rotation by right angles, vehicle = mount @ sensor. reversed: roles with
-    the wrong sign after it (`imu.accel` = all three, as on iOS). score: sum of correlations less
-    the price."""
+    the wrong sign after it (`imu.accel` = all three, as on iOS). exchanged: two roles whose columns
+    are each other's. score: sum of correlations less the price."""
 
     mount: tuple[tuple[int, int, int], ...]
     reversed: tuple[str, ...] = ()
+    exchanged: tuple[str, ...] = ()
     score: float = 0.0
 
     @property
     def turned(self) -> bool:
         """Whether the sensor's axes are not the vehicle's."""
         return self.mount != STRAIGHT
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the log is right as it is."""
+        return not (self.turned or self.reversed or self.exchanged)
 
     def toml(self) -> str:
         """The mount as a profile says it."""
@@ -67,7 +73,7 @@ def judge(evidence: Evidence) -> Verdict | None:
     if accel is not None and np.isfinite(accel).any(axis=1).all():
         mean = np.nanmedian(accel, axis=1)
     best, *others = ranked = explain(evidence, mean)
-    plain = next(e for e in ranked if not e.turned and not e.reversed)
+    plain = next(e for e in ranked if e.is_plain)
     if best is plain or best.score - plain.score < MIN_GAIN:
         return Verdict(mean, None)
     return Verdict(mean, best, tuple(e for e in others if best.score - e.score < TIE))
@@ -81,7 +87,7 @@ def explain(evidence: Evidence, mean: Floats | None) -> list[Explanation]:
     pairs = _Pairs(evidence, mean)
     scored = []
     for candidate in _candidates(evidence, mean):
-        assumed = len(candidate.reversed) + candidate.turned
+        assumed = len(candidate.reversed) + candidate.turned + bool(candidate.exchanged)
         scored.append(replace(candidate, score=pairs.score(candidate) - PRICE * assumed))
     return sorted(scored, key=lambda e: -e.score)
 
@@ -91,6 +97,10 @@ def _candidates(evidence: Evidence, mean: Floats | None) -> Iterator[Explanation
     single += ["steering.road_wheel_angle"]
     for role in ["", *(role for role in single if role in evidence)]:
         yield Explanation(STRAIGHT, (role,) if role else ())
+    for kind, (a, b) in product(("accel", "gyro"), combinations(AXES, 2)):
+        both = f"imu.{kind}_{a}", f"imu.{kind}_{b}"
+        if all(role in evidence for role in both):
+            yield Explanation(STRAIGHT, exchanged=both)
     if mean is None:
         return
     for mount in _rotations():
@@ -137,6 +147,10 @@ class _Pairs:
         """Sum of the correlations of all pairs."""
         mount = np.array(candidate.mount, np.float64)
         a, g = mount.copy(), mount.copy()
+        if candidate.exchanged:
+            rows = [AXES.index(role[-1]) for role in candidate.exchanged]
+            triad = a if "accel" in candidate.exchanged[0] else g
+            triad[rows] = triad[rows[::-1]]
         for role in candidate.reversed:
             if role == "imu.accel":
                 a = -a

@@ -187,7 +187,9 @@ def _work_on(path: Path, source: Source, options: Options, work: _Work) -> None:
     row["vehicle"] = opened.vehicle.name
     drive = Drive.from_tables(opened.tables.values())
     row |= _facts(drive, opened.metadata)
-    row["warnings"] = [str(f) for f in checks.check(opened.tables) if f.level == "fault"]
+    found = checks.check(opened.tables, opened.vehicle)
+    faults = [finding for finding in found if finding.level == "fault"]
+    row["warnings"] = list(map(str, faults))
     table = opened.tables.get(TRUTH_TOPIC)
     truth = AngleTrack.from_table(table) if table is not None and len(table) else None
     seconds["read"] = time.perf_counter() - clock
@@ -196,7 +198,7 @@ def _work_on(path: Path, source: Source, options: Options, work: _Work) -> None:
     for name in _chosen(drive, options, row):
         clock = time.perf_counter()
         try:
-            estimate = estimators.run(name, drive, opened.vehicle)
+            estimate = estimators.run(name, drive, opened.vehicle, faults=faults)
         except EstimatorError as error:
             work.failures.append(one_line(error))
             continue
@@ -217,7 +219,7 @@ def _work_on(path: Path, source: Source, options: Options, work: _Work) -> None:
     if opened.log is not None and work.kept:
         clock = time.perf_counter()
         given = opened.vehicle if options.vehicle else None
-        opened.log.write(work.kept, drive, engine="compiled", vehicle=given)
+        opened.log.write(work.kept, drive, engine="compiled", vehicle=given, faults=faults)
         source = put_back(source, path)
         row |= {"key": key_of(source, options), "size": source.size, "stamp": source.stamp}
         seconds["write"] = time.perf_counter() - clock

@@ -47,7 +47,8 @@ def _drive(run: Run) -> str:
 
 
 def _warnings(run: Run) -> str:
-    found = [*map(str, check_drive(run.drive)), *run.log.losses]
+    checked = run.log.warnings or [*map(str, check_drive(run.drive))]
+    found = [*checked, *run.log.losses]
     return "\n".join(["**Check:**", "", *(f"- {_plain(text)}" for text in found)]) if found else ""
 
 

@@ -93,6 +93,7 @@ FUSION = Estimator(
     needs=(*(f"imu.{kind}_{axis}" for kind in ("accel", "gyro") for axis in "xyz"), ANY_SPEED),
     gives=("grade", "bank", "pitch", "roll"),
     reference="roadlog; docs/methods/fusion.md#states",
+    helped=("gnss", "barometer"),
     summary="strapdown smoother over the whole drive with everything the log has",
     vehicle=("pitch_gradient", "roll_gradient", "rear_cornering_stiffness", "imu_position"),
 )

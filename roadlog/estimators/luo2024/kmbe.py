@@ -118,5 +118,6 @@ KMBE = Estimator(
         "cg_height",
         "driven",
     ),
+    helped=("imu", "steering"),
     systematic_deg={"grade": 0.35},
 )

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from roadlog.checks import motion
+from roadlog.checks import motion, speeds
 from roadlog.drive import Drive
 from roadlog.errors import RoadlogError
 from roadlog.ingest import mapping
@@ -40,7 +40,7 @@ def by_data(draft: Draft) -> None:
         draft.notes.append("The mounting is not observable in this drive: check it.")
         return
     motion.gravity(state)
-    motion.speeds(state)
+    speeds.speeds(state)
     _speeds(draft, state)
     motion.latency(state)
     motion.gyro_unit(state)
@@ -81,7 +81,7 @@ def _speeds(draft: Draft, state: motion.Examination) -> None:
         if abs(r) < FOLLOWS:
             continue
         size = abs(r) * ratio  # m/s2 for each unit of speed a second, by regression
-        unit = min(("m/s", *motion.SPEED_UNITS), key=lambda u: abs(np.log(size / UNITS[u][1])))
+        unit = min(("m/s", *speeds.SPEED_UNITS), key=lambda u: abs(np.log(size / UNITS[u][1])))
         draft.put([role], unit=unit, doubt=f"the accelerations say that it is {unit}")
         state.scale((role,), UNITS[unit][1])
 
@@ -118,6 +118,8 @@ def _mount(draft: Draft, state: motion.Examination) -> None:
         draft.notes.append("by gravity, speed and turns of this drive; angles beyond right ones")
         draft.notes.append("are what `roadlog calibrate` finds")
         draft.notes += [f"as good: mount = {r.toml()}" for r in verdict.rivals if r.turned]
+    if best.exchanged:
+        draft.put(best.exchanged, doubt="each goes with what the other should: exchanged?")
     if best.reversed == ("imu.accel",):
         roles = [f"imu.accel_{axis}" for axis in AXES]
         draft.put(roles, scale=-1.0, doubt="gravity reads down, as on iOS: all signs turned")
