@@ -6,7 +6,7 @@ import json
 import math
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import typer
 
@@ -65,7 +65,8 @@ def print_table(
     table.pad_edge = False
     for k, column in enumerate(columns):
         is_text = k < left or (remark and k == len(columns) - 1)
-        table.add_column(column, justify="left" if is_text else "right", no_wrap=k == 0)
+        side: Literal["left", "right"] = "left" if is_text else "right"
+        table.add_column(column, justify=side, no_wrap=k == 0, overflow="fold")  # nothing is cut
     for row in rows:
         table.add_row(*(Text(_plain(cell)) for cell in row))
     terminal = sys.stdout.isatty()

@@ -39,7 +39,9 @@ class Estimator:
     vehicle parameters the method uses; the run notes those that are only defaults. causal: uses no
     sample of the future in its default parameters.
     systematic_deg: angle -> one sd of what the method's own formula does not know (the sensor's
-    offset, its mounting, the body's motion), added in quadrature; source: docs/consistency.md.
+    offset, its mounting, the body's motion), added in quadrature;
+    docs/methods/common.md#systematic-standard-deviations. reference: the paper, and where its
+    equations stand.
     """
 
     name: str

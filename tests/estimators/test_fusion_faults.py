@@ -245,7 +245,7 @@ def test_no_delay_is_read_from_a_constant_speed() -> None:
 
 
 def drawn(seed: int) -> dict[str, Change]:
-    """Errors as the priors assume them: biases, scale, mounting (10.2)."""
+    """Errors as the priors assume them: biases, scale, mounting."""
     rng = np.random.default_rng(seed)
     params = FusionParameters()
     accel = params.accel_bias_sd * np.array([1, 1, 2]) * rng.standard_normal(3)
