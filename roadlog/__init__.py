@@ -24,7 +24,7 @@ __all__ = ["__version__", "open"]
 
 
 def open(path: Path | str, profile: Path | str | None = None) -> DriveLog:
-    """A drive log on disk; profile: for an MCAP of others. Raises LogReadError, ConfigError."""
+    """A drive log on disk; profile: for a third-party MCAP. Raises LogReadError, ConfigError."""
     from roadlog.log import DriveLog  # imports what computes; `import roadlog` alone stays fast
 
     return DriveLog(path, profile)

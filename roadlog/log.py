@@ -74,9 +74,9 @@ class AngleTrack:
 
 
 class DriveLog:
-    """A drive log on disk, roadlog's own or an MCAP of others that a profile explains.
+    """A drive log on disk, roadlog's own or a third-party MCAP that a profile explains.
 
-    profile: a profile file or the name of a shipped one, for an MCAP of others; without it the one
+    profile: a profile file or the name of a shipped one, for a third-party MCAP; without it the one
     that an earlier run stored in the file counts, or the shipped one that the message types ask
     for. recover: put the file back where a change of it was interrupted; else it is only read as
     it was before. Raises LogReadError when the file is no readable MCAP, ConfigError.
@@ -105,7 +105,7 @@ class DriveLog:
     def tables(self, topics: Iterable[str] | None = None) -> dict[str, Table]:
         """Columns of the given topics that the log has (default: all), in one pass.
 
-        In an MCAP of others, roadlog's topics are what the profile makes of the log's own.
+        In a third-party MCAP, roadlog's topics are what the profile makes of the log's own.
         """
         known = [channel.topic for channel in self.channels]
         asked = None if topics is None else list(dict.fromkeys(topics))
@@ -121,7 +121,7 @@ class DriveLog:
 
     @cached_property
     def profile(self) -> Profile | None:
-        """What explains an MCAP of others; None for roadlog's own.
+        """What explains a third-party MCAP; None for roadlog's own.
 
         Raises LogReadError where nothing fits, ConfigError for a faulty profile.
         """

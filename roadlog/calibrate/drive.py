@@ -60,8 +60,8 @@ UNITS = {
     "slip": "rad/(m/s2)",
 }
 WHY = {
-    "accel_bias_x": "not observable apart from a slope: needs GNSS climb or altitude, or curves",
-    "accel_bias_y": "not observable apart from a bank: needs curves",
+    "accel_bias_x": "indistinguishable from a slope: needs GNSS climb or altitude, or curves",
+    "accel_bias_y": "indistinguishable from a bank: needs curves",
     "accel_bias_z": "needs GNSS or a longer drive",
     "gyro_bias_x": "needs a longer drive",
     "gyro_bias_y": "needs a longer drive",
@@ -70,7 +70,7 @@ WHY = {
     "mounting_yaw": "needs braking and curves",
     "slip_gradient": "needs curves",
 }
-WHY_NO_ROLL = "not observable apart from the road's bank: needs two antennas; mean bank taken as 0"
+WHY_NO_ROLL = "indistinguishable from the road's bank: needs two antennas; mean bank taken as 0"
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ def pitch_gradient(drive: Drive, estimate: Estimate) -> Finding:
         return unknown(
             "pitch_gradient",
             UNIT,
-            f"braking says {value:.4f} +- {sd:.4f}: not observable on the slopes of this road",
+            f"braking says {value:.4f} +- {sd:.4f}: masked by the slopes of this road",
         )
     return Finding("pitch_gradient", UNIT, value, sd, evidence)
 

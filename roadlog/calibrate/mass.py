@@ -87,7 +87,7 @@ def mass_and_rolling(
     ]
     sd = float(np.sqrt(np.sum(np.square(parts))))
     if sd > MAX_ROLLING_SD or rolling <= 0:
-        reason = f"not observable beside the accelerometer's bias ({rolling:.3f} +- {sd:.3f})"
+        reason = f"masked by the accelerometer's bias ({rolling:.3f} +- {sd:.3f})"
         return [*found, unknown("rolling_resistance", "-", reason)]
     return [*found, Finding("rolling_resistance", "-", rolling, sd, evidence)]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from roadlog.storage.records import Schema
 
-# `byte` is an octet, as the IDL that ROS 2 makes of it says; libraries of others differ
+# `byte` is an octet, as the IDL that ROS 2 makes of it says; other libraries differ
 PRIMITIVES = {
     "bool": "?", "byte": "u1", "char": "u1", "int8": "i1", "uint8": "u1", "int16": "i2",
     "uint16": "u2", "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8",

@@ -1,4 +1,4 @@
-"""MCAP files of others: messages of every encoding that `storage.encodings` knows."""
+"""Third-party MCAP files: messages of every encoding that `storage.encodings` knows."""
 
 from __future__ import annotations
 
