@@ -39,6 +39,8 @@ class Estimate(Columnar):
     is none. sd: the same names -> rad, 1 standard deviation. valid: the values may be used.
     flags: bits of `signals.FLAGS`. details: name -> further channels (internals, forces, events).
     notes: what a user should know of this run, e.g. a parameter that was only a default.
+    innovations: measurement -> measured less predicted in standard deviations, (n,), NaN where
+    there was none; of a filter that tells them.
     parameters and run_time are filled in by `estimators.run`.
     """
 
@@ -49,6 +51,7 @@ class Estimate(Columnar):
     flags: Flags | None = None
     details: Mapping[str, Detail] = field(default_factory=dict)
     notes: Sequence[str] = ()
+    innovations: Mapping[str, Floats] = field(default_factory=dict)
     name: str = ""
     parameters: Mapping[str, Any] = field(default_factory=dict)
     run_time: float = 0.0  # s

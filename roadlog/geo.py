@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,29 @@ from roadlog.types import Floats
 
 EQUATOR = 6_378_137.0  # m, WGS 84
 FLATTENING = 1 / 298.257223563  # WGS 84
+EARTH_RADIUS = 6_371_008.8  # m, mean (IUGG)
+
+
+class LocalPlane(NamedTuple):
+    """The plane that touches the mean sphere at an origin in deg, for some tens of km around it.
+
+    Cheap, and 0.3 % of a distance: for shapes and for what is near. A map needs TransverseMercator.
+    """
+
+    latitude: float
+    longitude: float
+
+    def forward(self, latitude: Floats, longitude: Floats) -> tuple[Floats, Floats]:
+        """m from the origin, of positions in deg; the date line may lie between."""
+        across = (longitude - self.longitude + 180.0) % 360.0 - 180.0
+        scale = EARTH_RADIUS * np.cos(np.radians(self.latitude))
+        return np.radians(across) * scale, np.radians(latitude - self.latitude) * EARTH_RADIUS
+
+    def inverse(self, east: Floats, north: Floats) -> tuple[Floats, Floats]:
+        """Latitude and longitude in deg, of places in m from the origin."""
+        scale = EARTH_RADIUS * np.cos(np.radians(self.latitude))
+        across = np.degrees(east / scale)
+        return self.latitude + np.degrees(north / EARTH_RADIUS), self.longitude + across
 
 
 @dataclass(frozen=True)

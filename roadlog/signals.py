@@ -60,6 +60,7 @@ def _section(name: str, topic: str, schema: str, units: dict[str, str], **kinds:
 
 
 WHEELS = ("fl", "fr", "rl", "rr")
+AXES = ("x", "y", "z")
 _TORQUES = [f"{kind}_{wheel}" for kind in ("drive", "brake") for wheel in WHEELS]
 
 

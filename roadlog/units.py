@@ -7,6 +7,7 @@ import math
 from roadlog.errors import ConfigError, near
 
 STANDARD_GRAVITY = 9.80665  # m/s2, CODATA
+DEG = math.pi / 180  # rad
 
 # unit -> (quantity, factor to SI)
 UNITS: dict[str, tuple[str, float]] = {

@@ -13,12 +13,12 @@ from support.turned_imu import IMU_DELAY, away, turned
 from roadlog import estimators
 from roadlog.calibrate import calibrate
 from roadlog.calibrate.finding import Finding, combined, jackknife, unknown
-from roadlog.calibrate.mounting import band_passed, filled, vector_of
+from roadlog.calibrate.mounting import filled, vector_of
 from roadlog.car.suspension import ROLL_MODE
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
-from roadlog.filters.lowpass import second_order
+from roadlog.filters.lowpass import band_pass, second_order
 from roadlog.ingest import ingest
 from roadlog.ingest.profile import Profile
 from roadlog.log import DriveLog, create
@@ -131,8 +131,8 @@ def test_slalom_tells_the_roll_gradient() -> None:
     roll = np.interp(drive.time_ns, truth.time, truth.columns["roll"])
     level = Drive.from_tables(simulation.tables)["imu.accel_y"]
     band = (0.15, 0.5)
-    force = band_passed(second_order(filled(level), *ROLL_MODE, drive.rate), band, drive.rate)
-    response = float(force @ band_passed(roll, band, drive.rate) / (force @ force))
+    force = band_pass(second_order(filled(level), *ROLL_MODE, drive.rate), band, drive.rate)
+    response = float(force @ band_pass(roll, band, drive.rate) / (force @ force))
     value = finding.value or 0.0
     assert value * (1 - G * value) == pytest.approx(response, rel=0.02)
 

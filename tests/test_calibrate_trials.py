@@ -7,11 +7,11 @@ from support.turned_imu import IMU_DELAY, away, turned
 
 from roadlog.calibrate import calibrate
 from roadlog.calibrate.finding import Finding
-from roadlog.calibrate.mounting import band_passed, filled
+from roadlog.calibrate.mounting import filled
 from roadlog.car.suspension import PITCH_MODE, ROLL_MODE
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.filters.lowpass import second_order
+from roadlog.filters.lowpass import band_pass, second_order
 from roadlog.simulate import Simulation, simulate
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -81,7 +81,7 @@ def gradient(simulation: Simulation, angle: str) -> float:
     truth = simulation.table("/truth/angles")
     true = np.interp(drive.time_ns, truth.time, truth.columns[angle])
     force = second_order(filled(drive[f"imu.accel_{axis}"]), *mode, drive.rate)
-    s, a = (band_passed(x, BAND, drive.rate) for x in (force, true))
+    s, a = (band_pass(x, BAND, drive.rate) for x in (force, true))
     return float((1 - np.sqrt(1 - 4 * G * (s @ a) / (s @ s))) / (2 * G))
 
 

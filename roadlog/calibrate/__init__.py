@@ -12,12 +12,13 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from roadlog.calibrate import mounting
-from roadlog.calibrate.drive import AXES, TURNS, DriveCalibration, calibrate_drive
+from roadlog.calibrate.drive import TURNS, DriveCalibration, calibrate_drive
 from roadlog.calibrate.finding import Finding, combined
 from roadlog.car.suspension import DASHBOARD_HEIGHT
 from roadlog.car.vehicle import DEFAULT, Source, Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
+from roadlog.signals import AXES
 from roadlog.types import Floats
 
 SENSORS = ("imu_mount", "accel_bias", "gyro_bias", "speed_scale", "speed_delay", "gnss_delay")

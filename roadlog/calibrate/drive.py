@@ -19,19 +19,20 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, nan_mean
 from roadlog.errors import EstimatorError
 from roadlog.estimate import Estimate
+from roadlog.estimators.fusion.mounting import CROSSFALL, UNKNOWN_MOUNTING
+from roadlog.estimators.fusion.parameters import FusionParameters
+from roadlog.estimators.fusion.priors import ACCEL_BIAS_AXES, SLIP_GRADIENT_SD
+from roadlog.estimators.fusion.solution import UNKNOWN_ARM
+from roadlog.signals import AXES
 from roadlog.types import Floats
+from roadlog.units import DEG
 from roadlog.units import STANDARD_GRAVITY as G
 
-DEG = np.pi / 180
-AXES = ("x", "y", "z")
 TURNS = ("mounting_roll", "mounting_pitch", "mounting_yaw")
-MOUNTING_SD = 3.0 * DEG  # prior of the fine mounting, at least
-DELAY_SD = 0.1  # s, prior of the speed's delay in the smoother
 REST_DELAY_SD = 0.01  # s, the same once `speeds` has found it: the smoother takes slip for delay
 MAX_RUNS = 5  # of the smoother
 SETTLED, SETTLED_DELAY = 0.03 * DEG, 0.003  # rad, s; changes below which the last run stands
 TOLD = 0.5  # share of the prior sd, above which the data have told nothing
-CROSSFALL_SD = 1.5 * DEG  # of a drive's mean bank: what the mounting's roll is known to without
 WEAK_COHERENCE, WEAK_FACTOR = 0.9, 3.0  # yaw and its gyro bias are then overconfident
 COARSE_DELAY_SD = 0.1  # s, of the delay that the first comparison of accelerations gives
 DELAY_FLOOR = 0.01  # s, an IMU's own low-pass delays it by as much
@@ -41,17 +42,16 @@ ACCEL_FLOOR, GYRO_FLOOR = 0.01, 0.01 * DEG  # m/s2, rad/s: biases wander by this
 STRAINED = 0.1  # m/s2; an accelerometer bias beyond may as well be a wrong mounting
 STANCE_SD = 0.05 * DEG  # of the body's mean pitch in a drive: a driver leans it by as much
 UNSETTLED = 1.0  # share of the last change that a mounting which does not settle is uncertain by
-ARM_UNKNOWN = 0.03  # m/s2: curve-derived biases with unknown lever arms
 DRIVEN_SLIP, DRIVEN_GATE = 0.002, 4.0  # s2/m, sd: slip beyond both is that of a driven axle
 SHEET_LENGTH = 0.1  # m, of an axle distance that is only a default
-PRIORS = {  # sd before the data, in FusionParameters' defaults
-    "accel_bias_x": 0.05,
-    "accel_bias_y": 0.05,
-    "accel_bias_z": 0.1,
-    "gyro_bias_x": 0.3 * DEG,
-    "gyro_bias_y": 0.3 * DEG,
-    "gyro_bias_z": 0.3 * DEG,
-    "slip_gradient": 0.004,
+FUSION = FusionParameters()
+PRIORS = {  # sd before the data
+    **{
+        f"accel_bias_{axis}": share * FUSION.accel_bias_sd
+        for axis, share in zip(AXES, ACCEL_BIAS_AXES, strict=True)
+    },
+    **{f"gyro_bias_{axis}": FUSION.gyro_bias_sd for axis in AXES},
+    "slip_gradient": SLIP_GRADIENT_SD,
 }
 UNITS = {
     "accel_bias": "m/s2",
@@ -94,8 +94,8 @@ def calibrate_drive(drive: Drive, vehicle: Vehicle) -> DriveCalibration:
     mounting.refuse_mirrored(drive, start.rotation[2])
     source = drive.sources_of_speed()[0]
     late = {"gnss" if source == "gnss" else "car": float(np.nan_to_num(start.delay))}
-    rotation, car, delay_sd = start.rotation, vehicle, DELAY_SD
-    prior = max(MOUNTING_SD, min(start.yaw_sd, mounting.YAW_SD))
+    rotation, car, delay_sd = start.rotation, vehicle, FUSION.speed_delay_sd
+    prior = max(UNKNOWN_MOUNTING, min(start.yaw_sd, mounting.YAW_SD))
     for _ in range(MAX_RUNS):
         car = _mounted(car, rotation, late)
         seen = corrected(drive, car)
@@ -119,7 +119,7 @@ def calibrate_drive(drive: Drive, vehicle: Vehicle) -> DriveCalibration:
         driven = _driven(fits)
         if driven and vehicle.source("driven").kind == "default":
             car = replace(car, driven=driven)
-        delay_sd = REST_DELAY_SD if moved else DELAY_SD
+        delay_sd = REST_DELAY_SD if moved else FUSION.speed_delay_sd
         place = _place(fits, vehicle)
         if vehicle.imu_position is None and place[0].identifiable:
             x, y = (p.value or 0.0 for p in place)
@@ -244,7 +244,7 @@ def _of_smoother(
         if start.coherence < WEAK_COHERENCE and name in ("mounting_yaw", "gyro_bias_z"):
             sd = min(WEAK_FACTOR * sd, prior)
         if vehicle.imu_position is None and not has_height and name[:-1] == "accel_bias_":
-            sd = float(np.hypot(sd, ARM_UNKNOWN))
+            sd = float(np.hypot(sd, UNKNOWN_ARM))
         unit = UNITS[name.rsplit("_", 1)[0]]
         if name in TURNS:
             value = 0.0  # it is in the rotation
@@ -257,7 +257,7 @@ def _of_smoother(
             sd = float(np.hypot(sd, G * strain))
         reason = "" if sd < TOLD * prior else WHY.get(name, WHY_NO_ROLL)
         if name == "mounting_roll" and (reason or "gnss.roll" not in drive):
-            sd, reason = CROSSFALL_SD, WHY_NO_ROLL  # the mean bank is 0, as in `mounting.coarse`
+            sd, reason = CROSSFALL, WHY_NO_ROLL  # the mean bank is 0, as in `mounting.coarse`
         found.append(Finding(name, unit, value, sd, evidence, reason))
     return found
 

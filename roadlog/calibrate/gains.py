@@ -10,13 +10,13 @@ from __future__ import annotations
 import numpy as np
 
 from roadlog.calibrate.finding import Finding, jackknife, unknown
-from roadlog.calibrate.mounting import band_passed, filled
+from roadlog.calibrate.mounting import filled
 from roadlog.car.suspension import PITCH_MODE, ROLL_MODE
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.filters.kernels import odd_window, slope
-from roadlog.filters.lowpass import second_order
+from roadlog.filters.lowpass import band_pass, second_order
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -103,7 +103,7 @@ def _ratio(
     rate: float,
 ) -> tuple[float, float, float, int]:
     """Gradient from sum(I angle) / sum(I force) in a band, its sd, rms force, number of blocks."""
-    passed = [band_passed(filled(x), band, rate) for x in (angle, force, instrument)]
+    passed = [band_pass(filled(x), band, rate) for x in (angle, force, instrument)]
     block = np.arange(len(use))[use] // round(BLOCK * rate)
     theta, s, z = (x[use] for x in passed)
     count = np.bincount(block)

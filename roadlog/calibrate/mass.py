@@ -16,6 +16,7 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.filters.kernels import odd_window, slope
+from roadlog.filters.lowpass import zero_phase
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -51,9 +52,9 @@ def mass_and_rolling(
     yaw_rate = filled(drive["imu.gyro_z"])
     steer = yaw_rate * vehicle.wheelbase / np.maximum(speed, MIN_SPEED)
     scrub = vehicle.cg_to_rear_axle / vehicle.wheelbase * speed * yaw_rate * steer  # per mass
-    spin = _low_passed(engine * change, drive.rate)
-    y = _low_passed(filled(force) - wheels * change - drag * speed**2, drive.rate) - spin
-    x = _low_passed(along + scrub, drive.rate)
+    spin = zero_phase(engine * change, CUTOFF, drive.rate)
+    y = zero_phase(filled(force) - wheels * change - drag * speed**2, CUTOFF, drive.rate) - spin
+    x = zero_phase(along + scrub, CUTOFF, drive.rate)
     use = (speed > MIN_SPEED) & np.isfinite(force) & estimate.usable & _brakes_off(drive)
     level = float(np.std(x[use])) if use.any() else 0.0
     time = float(use.sum() * drive.dt)
@@ -152,9 +153,3 @@ def _line(
     m = len(n)
     sd = [float(np.sqrt((m - 1) / m * np.sum((part - part.mean()) ** 2))) for part in left]
     return float(a), float(b), sd[0], sd[1]
-
-
-def _low_passed(values: Floats, rate: float) -> Floats:
-    from scipy.signal import butter, sosfiltfilt
-
-    return sosfiltfilt(butter(2, CUTOFF, fs=rate, output="sos"), values)

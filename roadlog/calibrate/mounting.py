@@ -16,8 +16,10 @@ from roadlog.calibrate.finding import jackknife
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
 from roadlog.filters.kernels import odd_window, slope
+from roadlog.filters.lowpass import band_pass
 from roadlog.motion.axes import yaw_rates
-from roadlog.motion.evidence import AXES, Evidence, correlation
+from roadlog.motion.evidence import Evidence, correlation
+from roadlog.signals import AXES
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -66,15 +68,6 @@ def filled(values: Floats) -> Floats:
         return values
     index = np.arange(len(values))
     return np.interp(index, index[known], values[known])
-
-
-def band_passed(values: Floats, band: tuple[float, float], rate: float) -> Floats:
-    """Zero-phase Butterworth band-pass along the first axis."""
-    from scipy.signal import butter, sosfiltfilt
-
-    sos = butter(2, band, "bandpass", fs=rate, output="sos")
-    pad = min(len(values) - 1, round(2 * rate / band[0]))
-    return sosfiltfilt(sos, values, axis=0, padlen=pad)
 
 
 def coarse(drive: Drive) -> Coarse:
@@ -169,13 +162,13 @@ def _forward(
     quiet = yaw_rate[drive.standstill]
     if len(quiet):
         yaw_rate = yaw_rate - quiet.mean()
-    horizontal = band_passed(force @ e1 + 1j * (force @ e2), BAND, drive.rate)
+    horizontal = band_pass(force @ e1 + 1j * (force @ e2), BAND, drive.rate)
     window = odd_window(SLOPE_WINDOW, drive.dt)
     best, blocks = None, _blocks(moving, drive.rate)
     for delay in delays:
         shifted = np.interp(drive.time + delay, drive.time, speed)
         explained = slope(shifted, window, drive.dt) + 1j * shifted * yaw_rate
-        explained = band_passed(explained, BAND, drive.rate)
+        explained = band_pass(explained, BAND, drive.rate)
         product = np.conj(horizontal) * explained
         size = np.sqrt(
             np.sum(np.abs(horizontal[moving]) ** 2) * np.sum(np.abs(explained[moving]) ** 2)

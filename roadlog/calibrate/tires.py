@@ -14,8 +14,7 @@ from roadlog.calibrate.mounting import filled
 from roadlog.car.suspension import TIRE_MODE
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.filters.lowpass import second_order
-from roadlog.types import Floats
+from roadlog.filters.lowpass import second_order, zero_phase
 from roadlog.units import STANDARD_GRAVITY as G
 
 CUTOFF = 2.0  # Hz
@@ -71,7 +70,7 @@ def _understeer(drive: Drive, vehicle: Vehicle) -> tuple[float, float, float] | 
     if role not in drive:
         return "no steering angle in the log"
     steer, speed, rate, force = (
-        _low_passed(filled(x), drive.rate)
+        zero_phase(filled(x), CUTOFF, drive.rate)
         for x in (drive[role], drive.speed, drive["imu.gyro_z"], drive["imu.accel_y"])
     )
     force = (1 - G * vehicle.roll_gain) * second_order(force, *TIRE_MODE, drive.rate)
@@ -94,9 +93,3 @@ def _turning_speed(drive: Drive) -> float:
     speed = filled(drive.speed)
     weight = (speed * filled(drive["imu.gyro_z"])) ** 2
     return float(np.sqrt(np.average(speed**2, weights=weight)))
-
-
-def _low_passed(values: Floats, rate: float) -> Floats:
-    from scipy.signal import butter, sosfiltfilt
-
-    return sosfiltfilt(butter(2, CUTOFF, fs=rate, output="sos"), values)

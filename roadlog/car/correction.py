@@ -13,9 +13,9 @@ import numpy as np
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, Resampled, Samples
 from roadlog.errors import ConfigError
+from roadlog.signals import AXES
 from roadlog.types import Floats
 
-AXES = ("x", "y", "z")
 CAR_SPEEDS = ("wheel_speeds", "speed")  # sections that speed_scale is of
 CAR_OTHERS = ("steering", "wheel_torques", "powertrain")  # that come the same way, as late
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
+from roadlog.signals import WHEELS
 from roadlog.types import Bools, Floats
 
-WHEELS = ("fl", "fr", "rl", "rr")
 DRIVE_ROLES = ("wheel_torques.drive_fl", "powertrain.engine_torque", "powertrain.drive_force")
 NEEDS_TORQUE = "|".join(DRIVE_ROLES)
 SHIFT_TIME = 0.5  # s around a change of gear in which the torque is not known

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from roadlog.car.driveline import DRIVE_ROLES, WHEELS, driveline, free_wheel_speed, undriven_axle
+from roadlog.car.driveline import DRIVE_ROLES, driveline, free_wheel_speed, undriven_axle
 from roadlog.car.lever_arm import specific_force_at_cg
 from roadlog.car.planar_car import MIN_LOAD, wheel_loads
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
+from roadlog.signals import WHEELS
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 

@@ -16,6 +16,7 @@ from roadlog.units import STANDARD_GRAVITY as G
 PITCH_MODE = (1.4, 0.37)  # of body pitch
 ROLL_MODE = (1.65, 0.34)  # of body roll
 TIRE_MODE = (8.0, 0.7)  # of the rear slip behind the lateral force
+LINEAR_TIRES = 5.0  # m/s2, lateral specific force up to which tires are linear
 REFERENCE_HEIGHT = 0.08  # m over the ground, of the reference point when the IMU position is known
 DASHBOARD_HEIGHT = 0.75  # m over the ground, of an IMU whose position is not known
 SAME_GRADIENT = 0.01  # a roll gradient this near m h / k was computed, not measured

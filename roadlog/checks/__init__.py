@@ -12,7 +12,8 @@ from roadlog.checks import clocks, fixes, motion, quality, speeds, values
 from roadlog.checks.finding import Finding
 from roadlog.drive import Drive
 from roadlog.motion import axes
-from roadlog.motion.evidence import AXES, Evidence
+from roadlog.motion.evidence import Evidence
+from roadlog.signals import AXES
 from roadlog.storage import Table
 from roadlog.types import Floats
 

@@ -13,15 +13,14 @@ import numpy as np
 
 from roadlog.checks.finding import Finding
 from roadlog.motion.evidence import (
-    AXES,
     MAX_LAG,
     NEAR_LAG,
     TRACK_WIDTH,
-    WHEELS,
     Evidence,
     Lag,
     correlation,
 )
+from roadlog.signals import AXES, WHEELS
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 

@@ -20,11 +20,15 @@ def second_order(values: Floats, frequency: float, damping: float, rate: float) 
     return _causal(values, [w * w], [1, 2 * damping * w, w * w], rate)
 
 
-def zero_phase(values: Floats, cutoff: float, rate: float) -> Floats:
-    """Butterworth of order 2 up to `cutoff` Hz, forward and back."""
+def zero_phase(values: Floats, cutoff: float, rate: float, padding: int | None = None) -> Floats:
+    """Butterworth of order 2 up to `cutoff` Hz, forward and back.
+
+    padding: samples by which the ends are continued; None: as few as scipy takes.
+    """
     from scipy.signal import butter, sosfiltfilt
 
-    result: Floats = sosfiltfilt(butter(2, cutoff, fs=rate, output="sos"), values)
+    sos = butter(2, cutoff, fs=rate, output="sos")
+    result: Floats = sosfiltfilt(sos, values, padlen=padding)
     return result
 
 
@@ -45,3 +49,45 @@ def _causal(
     b, a = bilinear(numerator, denominator, rate)
     result: Floats = lfilter(b, a, values, zi=lfilter_zi(b, a) * values[:STEADY].mean())[0]
     return result
+
+
+def band_pass(values: Floats, band: tuple[float, float], rate: float) -> Floats:
+    """Zero-phase Butterworth of order 2 in a band in Hz, along the first axis."""
+    from scipy.signal import butter, sosfiltfilt
+
+    sos = butter(2, band, "bandpass", fs=rate, output="sos")
+    pad = min(len(values) - 1, round(2 * rate / band[0]))
+    result: Floats = sosfiltfilt(sos, values, axis=0, padlen=pad)
+    return result
+
+
+def butterworth(values: Floats, cutoff: float, rate: float) -> Floats:
+    """Causal Butterworth of order 2 up to `cutoff` Hz, along the first axis; starts settled."""
+    from scipy.signal import butter, sosfilt, sosfilt_zi
+
+    sos = butter(2, cutoff, fs=rate, output="sos")
+    start = sosfilt_zi(sos)[:, :, None] * values[0]
+    result: Floats = sosfilt(sos, values, axis=0, zi=start)[0]
+    return result
+
+
+def exponential(values: Floats, alpha: float, start: float | Floats) -> Floats:
+    """y_k = y_{k-1} + alpha (x_k - y_{k-1}) from y_{-1} = `start`, along the first axis."""
+    from scipy.signal import lfilter
+
+    before = np.atleast_1d(np.asarray((1 - alpha) * start))
+    zi = before if values.ndim == 1 else before[None, :]
+    result: Floats = lfilter([alpha], [1, alpha - 1], values, axis=0, zi=zi)[0]
+    return result
+
+
+def gaussian_mean(values: Floats, width: float, truncate: float = 4.0) -> tuple[Floats, Floats]:
+    """Mean of what is known around each sample, and the share of the window that is; `width`: sd in
+    samples, `truncate`: half a window in sds. What is unknown counts as absent."""
+    from scipy.ndimage import gaussian_filter1d
+
+    known = np.isfinite(values)
+    options = {"mode": "constant", "truncate": truncate}
+    weight: Floats = gaussian_filter1d(known.astype(np.float64), width, **options)
+    total = gaussian_filter1d(np.where(known, values, 0.0), width, **options)
+    return total / np.maximum(weight, 1e-9), weight

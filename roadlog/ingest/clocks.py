@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.ndimage import gaussian_filter1d
 
 from roadlog.errors import ConfigError, LogReadError, near
+from roadlog.filters.lowpass import gaussian_mean
 from roadlog.ingest.grid import Signals
 from roadlog.motion.lag import Track, shift
 from roadlog.types import Bools, Floats, Stamps
@@ -260,10 +260,7 @@ def _banded(values: Floats) -> Floats:
 
 
 def _smoothed(values: Floats, width: float) -> Floats:
-    known = np.isfinite(values)
-    weight = gaussian_filter1d(known.astype(np.float64), width * RATE, mode="constant")
-    total = gaussian_filter1d(np.where(known, values, 0.0), width * RATE, mode="constant")
-    return np.where(known, total / np.maximum(weight, 1e-9), np.nan)
+    return np.where(np.isfinite(values), gaussian_mean(values, width * RATE)[0], np.nan)
 
 
 def _correlate(ours: _Side, theirs: _Side, by: str, near: float | None) -> Offset | None:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from roadlog.errors import ConfigError, LogReadError, near
 from roadlog.ingest.frame import Frame
 from roadlog.ingest.grid import BURST, Signals, one_grid
-from roadlog.ingest.profile import AXES, AbsentError, Entry, Profile, find
-from roadlog.signals import SECTIONS, SIGNALS, Section
+from roadlog.ingest.profile import AbsentError, Entry, Profile, find
+from roadlog.signals import AXES, SECTIONS, SIGNALS, Section
 from roadlog.spool import Spool, blocks, release
 from roadlog.storage import Table, schemas
 from roadlog.types import Bools, Floats, Stamps

@@ -18,11 +18,10 @@ import numpy as np
 from roadlog import toml
 from roadlog.errors import ConfigError, near
 from roadlog.ingest.frame import Frame
-from roadlog.signals import SECTIONS
+from roadlog.signals import AXES, SECTIONS
 from roadlog.types import Bools, Floats
 from roadlog.units import CLOCK_FORMS, to_si
 
-AXES = "xyz"
 CLOCKS = ("log", "publish", "header")
 TIME_KEYS = ("column", "unit", "clock", "zone")
 ENTRY_KEYS = ("from", "file", "unit", "scale", "offset", "delay", "valid")

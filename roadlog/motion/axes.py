@@ -13,7 +13,8 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
-from roadlog.motion.evidence import AXES, Evidence, correlation
+from roadlog.motion.evidence import Evidence, correlation
+from roadlog.signals import AXES
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 

@@ -12,10 +12,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 from scipy.signal import correlate
 
 from roadlog.drive import Drive, nan_mean
+from roadlog.filters.lowpass import gaussian_mean
+from roadlog.geo import LocalPlane
+from roadlog.signals import AXES, WHEELS
 from roadlog.types import Floats
 
 RATE = 10.0  # Hz, of the comparison
@@ -29,9 +31,6 @@ MIN_OVERLAP = 20.0  # s that two signals must share at a lag
 BLOCK = 60.0  # s, of a lag estimate of its own
 MOVING = 3.0  # m/s; below it a course means nothing
 SIGNIFICANT = 4.0  # sd of Fisher's z
-EARTH_RADIUS = 6_371_000.0  # m, mean
-AXES = "xyz"
-WHEELS = ("fl", "fr", "rl", "rr")
 
 
 @dataclass(frozen=True)
@@ -81,14 +80,8 @@ class Evidence:
 
     def smooth(self, values: Floats, width: float) -> Floats:
         """Gaussian mean (sd `width` in s) of what is known; NaN where too little is."""
-        known = np.isfinite(values)
-        sigma = width * self.rate
-        weight = gaussian_filter1d(known.astype(np.float64), sigma, mode="constant", truncate=3.0)
-        total = gaussian_filter1d(
-            np.where(known, values, 0.0), sigma, mode="constant", truncate=3.0
-        )
-        enough = known & (weight >= MIN_WEIGHT)
-        return np.where(enough, total / np.where(enough, weight, 1.0), np.nan)
+        mean, weight = gaussian_mean(values, width * self.rate, truncate=3.0)
+        return np.where(np.isfinite(values) & (weight >= MIN_WEIGHT), mean, np.nan)
 
     def slope(self, values: Floats) -> Floats:
         """Rate of change per second."""
@@ -99,9 +92,11 @@ class Evidence:
         """Speed in m/s and course rate in rad/s from the positions of the fixes."""
         if "gnss.latitude" not in self or "gnss.longitude" not in self:
             return None
-        latitude = np.radians(self["gnss.latitude"])
-        north = EARTH_RADIUS * latitude
-        east = EARTH_RADIUS * np.cos(np.nanmean(latitude)) * np.radians(self["gnss.longitude"])
+        latitude, longitude = self["gnss.latitude"], self["gnss.longitude"]
+        known = np.flatnonzero(np.isfinite(longitude))
+        first = float(longitude[known[0]]) if len(known) else 0.0
+        plane = LocalPlane(float(np.nanmean(latitude)), first)
+        east, north = plane.forward(latitude, longitude)
         v_north, v_east = (self.slope(self.smooth(x, TRACK_WIDTH)) for x in (north, east))
         speed = np.hypot(v_north, v_east)
         course = np.where(speed > MOVING, np.arctan2(v_north, v_east), np.nan)

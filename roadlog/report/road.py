@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from roadlog.drive import Drive, runs
 from roadlog.files import replacing
+from roadlog.geo import LocalPlane
 from roadlog.log import AngleTrack
 from roadlog.types import Floats
 
 STEP = 10.0  # m between the points of a pass and of a stretch
-EARTH_RADIUS = 6_371_008.8  # m, mean (IUGG)
 REACH = 15.0  # m across the road: its lanes, and the error of two positions
 MAX_TURN = np.radians(45.0)  # rad between the headings of passes over the same road
 COVER = 1.5 * STEP  # m along the road from a known point up to which road is known
@@ -85,8 +85,8 @@ def pass_of(drive: Drive, track: AngleTrack, estimator: str) -> Pass | None:
     latitude, longitude, grade, sd, distance = (
         np.bincount(index, column[known]) / count for column in (*columns, distance)
     )
-    x = np.radians(longitude) * np.cos(np.radians(latitude.mean())) * EARTH_RADIUS
-    y = np.radians(latitude) * EARTH_RADIUS
+    plane = LocalPlane(float(latitude.mean()), float(longitude[0]))
+    x, y = plane.forward(latitude, longitude)
     before = np.maximum(np.arange(len(which)) - 2, 0)
     after = np.minimum(np.arange(len(which)) + 2, len(which) - 1)
     heading = np.arctan2(y[after] - y[before], x[after] - x[before])
@@ -173,14 +173,13 @@ class RoadMerger:
         """Merge a chunk; the stretch that its end is still adding to, if any."""
         latitude, longitude = drive.latitude[chunk], drive.longitude[chunk]
         heading, distance = drive.heading[chunk], drive.distance[chunk]
-        x, y = _plane(latitude, longitude, latitude[0], longitude[0])
+        plane = LocalPlane(latitude[0], longitude[0])
+        x, y = plane.forward(latitude, longitude)
         near = self._near(latitude, longitude)
         covered = np.zeros(len(chunk), np.bool_)
         if len(near):
             points = self._points
-            px, py = _plane(
-                points["latitude"][near], points["longitude"][near], latitude[0], longitude[0]
-            )
+            px, py = plane.forward(points["latitude"][near], points["longitude"][near])
             away = np.hypot(px[:, None] - x, py[:, None] - y)
             turn = np.cos(points["heading"][near][:, None] - heading)
             away[turn < np.cos(MAX_TURN)] = np.inf
@@ -305,14 +304,6 @@ class _Points:
         self["weighted"][at] += weight * grade
         self["squared"][at] += weight * grade**2
         self["passes"][at] += 1
-
-
-def _plane(
-    latitude: Floats, longitude: Floats, latitude_0: float, longitude_0: float
-) -> tuple[Floats, Floats]:
-    """m east and north of a point, for some kilometers around it."""
-    east = np.radians((longitude - longitude_0 + 180) % 360 - 180) * np.cos(np.radians(latitude_0))
-    return east * EARTH_RADIUS, np.radians(latitude - latitude_0) * EARTH_RADIUS
 
 
 def _tile(latitude: Floats, longitude: Floats) -> tuple[list[int], list[int]]:

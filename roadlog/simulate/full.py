@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numba import njit
 
+from roadlog.signals import WHEELS
 from roadlog.simulate import car as c
 from roadlog.simulate.car import CarParameters, derivative
 from roadlog.simulate.driver import (
@@ -25,7 +26,6 @@ from roadlog.simulate.profiles import sampled
 from roadlog.simulate.road import RoadTables, build, surface
 from roadlog.simulate.sampling import gauss_markov, stream
 from roadlog.simulate.scenario import Scenario, Wind, distance_of, speed_of
-from roadlog.simulate.sensors import WHEELS
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 

@@ -7,13 +7,14 @@ from typing import Literal
 
 import numpy as np
 
+from roadlog.filters.lowpass import butterworth
+from roadlog.signals import AXES
 from roadlog.simulate.motion import Motion
 from roadlog.simulate.sampling import (
     Columns,
     at,
     clock,
     gauss_markov,
-    low_pass,
     mounting,
     quantized,
     stream,
@@ -21,8 +22,6 @@ from roadlog.simulate.sampling import (
 )
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
-
-AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
@@ -72,8 +71,8 @@ class ImuSensor:
         turn = mounting(*np.radians(self.misalignment_deg)).T
         force, rate = force @ turn.T, rate @ turn.T
         if self.bandwidth:
-            force = low_pass(force, self.bandwidth, motion.dt)
-            rate = low_pass(rate, self.bandwidth, motion.dt)
+            force = butterworth(force, self.bandwidth, 1 / motion.dt)
+            rate = butterworth(rate, self.bandwidth, 1 / motion.dt)
         time = clock(motion, self.rate)
         n = len(time)
         force, rate = at(motion, force, time), at(motion, rate, time)

@@ -56,16 +56,6 @@ def mounting(roll: float, pitch: float, yaw: float) -> Floats:
     return result
 
 
-def low_pass(values: Floats, frequency: float, dt: float) -> Floats:
-    """Second-order Butterworth, causal, starting settled; columns."""
-    from scipy.signal import butter, sosfilt, sosfilt_zi
-
-    sos = butter(2, frequency, fs=1 / dt, output="sos")
-    start = sosfilt_zi(sos)[:, :, None] * values[0]
-    result: Floats = sosfilt(sos, values, axis=0, zi=start)[0]
-    return result
-
-
 def gauss_markov(rng: np.random.Generator, n: int, columns: int, time: float) -> Floats:
     """(n, columns) first-order process of unit variance; time constant in samples."""
     from scipy.signal import lfilter

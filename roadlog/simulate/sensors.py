@@ -12,14 +12,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from roadlog.car.vehicle import Vehicle
+from roadlog.signals import WHEELS
 from roadlog.simulate.fuel import FuelSender
 from roadlog.simulate.gnss import Barometer, GnssReceiver
 from roadlog.simulate.imu import ImuSensor
 from roadlog.simulate.motion import Motion
 from roadlog.simulate.sampling import Columns, at, clock, quantized, stream, without_errors
 from roadlog.types import Floats
-
-WHEELS = ("fl", "fr", "rl", "rr")
 
 
 @dataclass(frozen=True)

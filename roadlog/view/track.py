@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadlog.geo import LocalPlane
 from roadlog.log import AngleTrack
 from roadlog.types import Floats
 from roadlog.view.colors import ordered
 from roadlog.view.runs import MOTION, Run
 
-EARTH_RADIUS = 6_371_000.0  # m, mean
 MAX_POINTS = 4000  # of a track on the screen; more cannot be told apart
 FAR = 10.0  # a fix this many times farther off than 90 % of them are is a wrong one
 
@@ -148,7 +148,6 @@ def _fixes(run: Run) -> tuple[Floats, Floats, Floats] | None:
 
 def _local(latitude: Floats, longitude: Floats) -> tuple[Floats, Floats]:
     """m east and north of the first point; good over the size of a drive."""
-    north = np.radians(latitude - latitude[0]) * EARTH_RADIUS
-    scale = EARTH_RADIUS * np.cos(np.radians(np.mean(latitude)))
-    east = np.radians((longitude - longitude[0] + 180.0) % 360.0 - 180.0) * scale
-    return east, north
+    plane = LocalPlane(float(np.mean(latitude)), longitude[0])
+    east, north = plane.forward(latitude, longitude)
+    return east, north - north[0]

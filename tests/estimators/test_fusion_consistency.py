@@ -34,6 +34,19 @@ def test_slow_innovations_count_as_few() -> None:
     assert scales(innovations, STEP)[Row.SLIP] == pytest.approx(2 * np.sqrt(19), rel=0.1)
 
 
+def test_the_innovations_come_with_the_estimate(hill_drive: Drive) -> None:
+    estimate = estimators.run("fusion", hill_drive, estimators.Vehicle())
+    assert {"speed", "slip", "contact"} <= set(estimate.innovations)
+    for name, values in estimate.innovations.items():
+        assert values.shape == estimate.time.shape
+        used = values[np.isfinite(values)]
+        assert len(used), name
+        assert np.abs(np.median(used)) < 1.0, name
+    assert len(np.flatnonzero(np.isfinite(estimate.innovations["contact"]))) == pytest.approx(
+        10 * hill_drive.time[-1], rel=0.2
+    )
+
+
 def test_a_crooked_imu_is_turned() -> None:
     """Five degrees of yaw mix bank into grade; they are observable."""
     simulation = simulate("luo2024-s3")

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from roadlog.car.suspension import LINEAR_TIRES
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Detail, Estimate, complete_angles
@@ -22,12 +23,12 @@ from roadlog.estimators.fusion.outputs import Output
 from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.solution import Solution, solved
 from roadlog.estimators.fusion.speed import without_speed
+from roadlog.estimators.fusion.states import Row
 from roadlog.estimators.fusion.steps import Sway
 from roadlog.filters import Engine
 from roadlog.types import Bools, Flags, Floats
 
 SETTLE = 2.0  # s at the ends of a run of the IMU, flagged
-LINEAR_TIRES = 5.0  # m/s2 of lateral specific force, beyond which tires are not linear
 
 
 def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Engine) -> Estimate:
@@ -57,7 +58,29 @@ def estimate(solution: Solution, time: Floats) -> Estimate:
         "constants": Detail("roadlog.v1.FusionConstants", own[-1:], solution.constants),
     }
     flags = _flags(solution, time, alive, missing)
-    return Estimate(time, complete_angles(angles), sd, ~missing, flags, details, notes(solution))
+    return Estimate(
+        time,
+        complete_angles(angles),
+        sd,
+        ~missing,
+        flags,
+        details,
+        notes(solution),
+        innovations=_innovations(solution, time),
+    )
+
+
+def _innovations(solution: Solution, time: Floats) -> dict[str, Floats]:
+    """Row -> residual over its predicted sd at the sample nearest to its step, NaN elsewhere."""
+    at = np.clip(np.searchsorted(time, solution.time - 0.5 * (time[1] - time[0])), 0, len(time) - 1)
+    found = {}
+    for kind in Row:
+        values = solution.innovations[:, kind]
+        used = np.isfinite(values)
+        if used.any():
+            found[kind.name.lower()] = np.full(len(time), np.nan)
+            found[kind.name.lower()][at[used]] = values[used]
+    return found
 
 
 def _flags(solution: Solution, time: Floats, alive: Bools, missing: Bools) -> Flags:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from roadlog.drive import Drive, Samples
 from roadlog.estimators.fusion.speed import SpeedSource, known_samples
 from roadlog.estimators.fusion.steps import RATE, Fix
+from roadlog.geo import LocalPlane
 from roadlog.types import Bools, Floats
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ VELOCITY_SD, CLIMB_SD, ALTITUDE_SD = 0.06, 0.12, 1.0  # m/s, m/s, m; where nothi
 BAROMETER_SD = 0.3  # m, of one value; its slow error is a state
 CLOSURE_SD = 0.5  # m, altitude at a second visit of a place
 HEADING_SD, ROLL_SD = np.radians(0.3), np.radians(0.6)
-METERS_PER_DEGREE = 111_195.0  # of latitude, on a sphere
 REVISIT_STEP = 0.2  # s between places that are compared
 REVISIT_GAP = 3.0  # s between fixes; across more the place is not known
 REVISIT_RADIUS, REVISIT_HEIGHT = 4.0, 3.0  # m; a lane beside is as high, a floor above is not
@@ -103,8 +103,7 @@ def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: 
     latitude, longitude, altitude = (gnss.columns[name][known] for name in names)
     if len(own) < 2 or np.ptp(longitude) > 1.0:  # deg; none so long, or across the date line
         return clone
-    north = METERS_PER_DEGREE * (latitude - latitude[0])
-    east = METERS_PER_DEGREE * np.cos(np.radians(latitude[0])) * (longitude - longitude[0])
+    east, north = LocalPlane(latitude[0], longitude[0]).forward(latitude, longitude)
     path = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(east), np.diff(north)))])
     at = np.arange(own[0], own[-1], REVISIT_STEP)
     gap = np.diff(own)[np.clip(np.searchsorted(own, at, side="right") - 1, 0, len(own) - 2)]

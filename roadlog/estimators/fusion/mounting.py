@@ -14,8 +14,8 @@ from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.states import MOUNTING, State
 from roadlog.estimators.fusion.steps import HEIGHTS, Fix, Steps, has, last
 from roadlog.types import Bools, Floats
+from roadlog.units import DEG
 
-DEG = np.pi / 180
 CALIBRATED_MOUNTING = 0.1 * DEG  # a mounting that the vehicle file gives is no better
 UNKNOWN_MOUNTING = 3.0 * DEG  # of an IMU that lies somewhere in the car
 CROSSFALL = 1.5 * DEG  # sd of a drive's mean bank: what levels an IMU that lies askew

@@ -15,8 +15,8 @@ from roadlog.estimators.fusion.inputs import Inputs
 from roadlog.estimators.fusion.states import ROWS
 from roadlog.estimators.fusion.steps import RATE, Steps
 from roadlog.types import Floats
+from roadlog.units import DEG
 
-DEG = np.pi / 180
 # Process, per root second where nothing else is said.
 ACCEL_GAIN = 0.01  # -, scale and cross-axis error of a MEMS accelerometer
 YAW_SLIP = 0.002  # -, of u r: gyro scale times speed

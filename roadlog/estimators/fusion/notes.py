@@ -9,8 +9,8 @@ from roadlog.estimators.fusion.outputs import Output
 from roadlog.estimators.fusion.solution import Solution
 from roadlog.estimators.fusion.states import CONSTANTS
 from roadlog.estimators.fusion.steps import Fix, has
+from roadlog.units import DEG
 
-DEG = np.pi / 180
 OFFSET_LIMIT = 0.15 * DEG  # sd of the mean of grade or bank, beyond which it is not observable
 LEARNED = 0.7  # a constant whose sd is this share of its prior's was found in the drive
 NAMES = {

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from roadlog.estimators.base import parameter
-
-DEG = np.pi / 180
+from roadlog.units import DEG
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.estimators.fusion.inputs import Inputs
 from roadlog.estimators.fusion.states import ACCEL_BIAS, GYRO_BIAS, MOUNTING, N, State
 from roadlog.types import Floats
+from roadlog.units import DEG
 from roadlog.units import STANDARD_GRAVITY as G
 
-DEG = np.pi / 180
 FORWARD_SD, SIDE_SD = 1.0, 0.3  # m/s, of the first velocity forward; sideways and upward
 TILT_SD = 3 * DEG  # of the first roll and pitch: dv/dt over two seconds is no better
 BODY_SD = 0.1 * DEG  # body angle that the gradients do not explain

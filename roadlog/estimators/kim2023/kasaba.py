@@ -16,6 +16,7 @@ from roadlog.drive import Drive, runs
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
 from roadlog.filters import Engine
+from roadlog.filters.lowpass import zero_phase
 from roadlog.types import Bools, Floats
 
 
@@ -128,14 +129,11 @@ def _change(values: Floats, lag: int) -> Floats:
 
 def _lowpassed(values: Floats, rate: float, cutoff: float) -> Floats:
     """Between gaps; NaN where the signal is, and in pieces shorter than the filter's memory."""
-    from scipy.signal import butter, sosfiltfilt
-
-    sections = butter(2, cutoff, fs=rate, output="sos")
     result = np.full(len(values), np.nan)
     memory = round(rate / cutoff)
     for run in runs(np.isfinite(values)):
         if run.stop - run.start > memory:
-            result[run] = sosfiltfilt(sections, values[run], padlen=memory)
+            result[run] = zero_phase(values[run], cutoff, rate, memory)
     return result
 
 

@@ -14,6 +14,7 @@ from roadlog.drive import Drive, runs
 from roadlog.estimators.base import parameter
 from roadlog.estimators.kim2023.strapdown import Path, attitude, dead_reckon, to_navigation
 from roadlog.filters import Engine
+from roadlog.filters.lowpass import exponential
 from roadlog.signals import ACCELERATION, DECELERATION, FLAGS
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
@@ -212,14 +213,12 @@ def _gyro_biases(
     standing = [rate[span][np.isfinite(rate[span]).all(axis=1)] for span in spans]
     if params.gyro_bias == "mean":
         return [r.mean(axis=0) if len(r) else np.full(3, np.nan) for r in standing]
-    from scipy.signal import lfilter
-
     alpha = 1 - np.exp(-2 * np.pi * params.bias_cutoff * dt)
     samples = np.concatenate([*standing, np.empty((0, 3))])
     if not len(samples):
         return [np.full(3, np.nan) for _ in spans]
     start = samples[: max(1, round(1.0 / dt))].mean(axis=0)  # mean of the first second
-    filtered = lfilter([alpha], [1, alpha - 1], samples, axis=0, zi=[(1 - alpha) * start])[0]
+    filtered = exponential(samples, alpha, start)
     ends = np.cumsum([len(r) for r in standing]) - 1
     return [filtered[max(int(end), 0)] for end in ends]
 

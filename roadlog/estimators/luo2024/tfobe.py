@@ -11,10 +11,11 @@ from typing import Literal
 
 import numpy as np
 
-from roadlog.car.driveline import NEEDS_TORQUE, WHEELS, Driveline, driveline, free_wheel_speed
+from roadlog.car.driveline import NEEDS_TORQUE, Driveline, driveline, free_wheel_speed
 from roadlog.car.lever_arm import specific_force_at_cg
 from roadlog.car.planar_car import MIN_LOAD, planar_car, wheel_loads
 from roadlog.car.road_speed import lateral_velocity, road_speed
+from roadlog.car.suspension import LINEAR_TIRES
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Detail, Estimate
@@ -24,6 +25,7 @@ from roadlog.estimators.luo2024.schedule import Schedule, ScheduleParameters, sc
 from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
 from roadlog.filters.ukf_loop import track
+from roadlog.signals import WHEELS
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -41,7 +43,6 @@ GRADE_ROWS: dict[str, tuple[int, ...]] = {
     "printed": (1, 2, 3),
 }
 MAX_GRADE = 0.35  # rad; beyond this it is no road
-LINEAR_FORCE = 5.0  # m/s2, lateral, up to which tires are linear
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,7 @@ def _layers(drive: Drive, vehicle: Vehicle, params: TfobeParameters) -> _Layers:
         grade_z=grade_z,
         load=signals.inputs.load,
         was_held=was_held,
-        is_nonlinear=np.abs(signals.f_y) > LINEAR_FORCE,
+        is_nonlinear=np.abs(signals.f_y) > LINEAR_TIRES,
         notes=line.notes,
     )
 

@@ -14,21 +14,22 @@ import numpy as np
 from numba import njit
 
 from roadlog.car.driveline import free_wheel_speed
+from roadlog.car.suspension import LINEAR_TIRES
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, runs
 from roadlog.estimate import Detail, Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
 from roadlog.estimators.ryu2004.split_qs import split
-from roadlog.estimators.ryu2004.total_roll import DEG, GNSS_GAP, INERTIAL_GAP, TotalRoll, total_roll
+from roadlog.estimators.ryu2004.total_roll import GNSS_GAP, INERTIAL_GAP, TotalRoll, total_roll
 from roadlog.filters import Engine
 from roadlog.filters.discretize import zero_order_hold
 from roadlog.filters.gaps import age, hold
 from roadlog.filters.kalman import correct_scalar, predict
 from roadlog.types import Bools, Floats
+from roadlog.units import DEG
 from roadlog.units import STANDARD_GRAVITY as G
 
 STATES, ROWS = 8, 4
-LINEAR_FORCE = 5.0  # m/s2, lateral, up to which tires are linear
 SPEED_STEP = 0.02  # m/s, change of speed at which the model is discretized anew
 INITIAL_VARIANCE = np.array([0.05, 0.1, 0.05, 0.3, 0.08, 0.2, 1.0, 0.05]) ** 2
 # sd of sideslip, yaw rate, total roll and roll rate. Sideslip is weak on purpose: believed, an
@@ -161,7 +162,7 @@ def roll_bank_obs(
         angles[name] = np.where(slow, steady[name], angles[name])
         sds[name] = np.where(slow, steady_sd[name], sds[name])
     converging = started < params.settle_time
-    beyond = np.abs(total.force.y) > LINEAR_FORCE
+    beyond = np.abs(total.force.y) > LINEAR_TIRES
     stale = total.since_update > GNSS_GAP
     missing = ~np.isfinite(angles["bank"]) | stale
     flags = (

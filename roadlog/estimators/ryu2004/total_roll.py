@@ -21,9 +21,9 @@ from roadlog.filters.gaps import age, hold
 from roadlog.filters.kalman import LinearModel, Track, kalman_filter, rts_smoother
 from roadlog.filters.kernels import odd_window, parabolic_mean, slope
 from roadlog.types import Flags, Floats
+from roadlog.units import DEG
 from roadlog.units import STANDARD_GRAVITY as G
 
-DEG = np.pi / 180
 HOLD_TIME = 0.2  # s, inertial signals are held this long
 INERTIAL_GAP = 0.3  # s, without inertial signals the filters stop
 GNSS_GAP = 2.0  # s, without GNSS the result is no longer valid

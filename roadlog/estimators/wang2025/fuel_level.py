@@ -19,6 +19,7 @@ from roadlog.estimators.wang2025.ekf_suspension import EkfSuspensionParameters, 
 from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
 from roadlog.filters.kernels import odd_window, slope
+from roadlog.filters.lowpass import exponential
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -104,10 +105,7 @@ def surface_tilt(
 
 def _lowpass(values: Floats, alpha: float, start: int) -> Floats:
     """First-order low-pass, started at the mean of the first `start` samples' worth of slosh."""
-    from scipy.signal import lfilter
-
-    first = values[: max(1, start)].mean()
-    return lfilter([alpha], [1, alpha - 1], values, zi=[(1 - alpha) * first])[0]
+    return exponential(values, alpha, values[: max(1, start)].mean())
 
 
 FUEL_LEVEL = Estimator(

@@ -17,6 +17,7 @@ from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
 from roadlog.filters import Engine
 from roadlog.filters.gaps import age, hold
 from roadlog.filters.kernels import causal, odd_window, parabolic_mean, slope
+from roadlog.filters.lowpass import exponential
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -88,9 +89,7 @@ def _first_order(values: Floats, alpha: float, engine: Engine) -> Floats:
             memory.update(value)
             result[k] = memory.x[0]
         return result
-    from scipy.signal import lfilter
-
-    return lfilter([alpha], [1, alpha - 1], values, zi=[(1 - alpha) * values[0]])[0]
+    return exponential(values, alpha, values[0])
 
 
 LOWPASS_ATTITUDE = Estimator(

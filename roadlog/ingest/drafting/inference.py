@@ -14,9 +14,10 @@ from roadlog.errors import RoadlogError
 from roadlog.ingest import mapping
 from roadlog.ingest.drafting.draft import Draft, Guess
 from roadlog.ingest.grid import one_grid
-from roadlog.ingest.profile import AXES, Profile
+from roadlog.ingest.profile import Profile
 from roadlog.motion import axes
 from roadlog.motion.evidence import Evidence, correlation
+from roadlog.signals import AXES
 from roadlog.units import STANDARD_GRAVITY, UNITS
 
 STEERING_RATIO = 15.0  # steering wheel / road wheel, of a usual car

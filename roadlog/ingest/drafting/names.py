@@ -7,7 +7,7 @@ from contextlib import suppress
 
 from roadlog.errors import ConfigError
 from roadlog.ingest.frame import Frame
-from roadlog.ingest.profile import AXES
+from roadlog.signals import AXES
 from roadlog.units import UNITS, canonical
 
 TIME = re.compile(

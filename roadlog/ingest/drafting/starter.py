@@ -16,8 +16,8 @@ from roadlog.ingest.drafting.inference import by_data, gravity_unit
 from roadlog.ingest.drafting.names import TIME, WORDED, bare, folded, roles_of, stated_unit, unit_of
 from roadlog.ingest.formats import times
 from roadlog.ingest.frame import Frame, joined
-from roadlog.ingest.profile import AXES, Clock, Profile, fitting
-from roadlog.signals import SIGNALS
+from roadlog.ingest.profile import Clock, Profile, fitting
+from roadlog.signals import AXES, SIGNALS
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from roadlog.errors import ConfigError, LogReadError, near
+from roadlog.geo import LocalPlane
 from roadlog.ingest.formats.csv_layout import layout
 from roadlog.ingest.reference import gnss as truth
 from roadlog.signals import SECTIONS
@@ -18,7 +19,6 @@ from roadlog.storage import Table
 from roadlog.types import Floats, Stamps
 from roadlog.units import to_si
 
-EARTH_RADIUS = 6_371_000.0  # m, mean
 FAR = 20.0  # m; a fix further from the surveyed line is on another road
 STEP = 1.0  # m, at which the surveyed line is compared with the fixes
 ALONG = 1.0  # m/s; slower, two fixes do not tell the direction of travel
@@ -146,6 +146,4 @@ def _sd(columns: dict[str, Floats]) -> Floats:
 
 def _plane(latitude: Floats, longitude: Floats, origin: tuple[float, float]) -> Floats:
     """East and north in m of an origin in deg."""
-    north = np.radians(latitude - origin[0]) * EARTH_RADIUS
-    east = np.radians(longitude - origin[1]) * EARTH_RADIUS * np.cos(np.radians(origin[0]))
-    return np.stack([east, north], axis=1)
+    return np.stack(LocalPlane(*origin).forward(latitude, longitude), axis=1)
