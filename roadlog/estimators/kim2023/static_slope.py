@@ -14,14 +14,8 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, static_mask
 from roadlog.estimate import Detail, Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag
-from roadlog.estimators.kim2023.stop_windows import (
-    Event,
-    StaticSlopeParameters,
-    Stop,
-    Windows,
-    find_stops,
-    running_mean,
-)
+from roadlog.estimators.kim2023.stop_windows import Event, Windows, running_mean
+from roadlog.estimators.kim2023.stops import StaticSlopeParameters, Stop, find_stops
 from roadlog.filters import Engine
 from roadlog.signals import ACCELERATION, DECELERATION
 from roadlog.types import Floats
