@@ -16,7 +16,7 @@ from scipy.signal import correlate
 
 from roadlog.drive import Drive, nan_mean
 from roadlog.filters.lowpass import gaussian_mean
-from roadlog.geo import LocalPlane
+from roadlog.geo import TransverseMercator
 from roadlog.signals import AXES, WHEELS
 from roadlog.types import Floats
 
@@ -95,7 +95,7 @@ class Evidence:
         latitude, longitude = self["gnss.latitude"], self["gnss.longitude"]
         known = np.flatnonzero(np.isfinite(longitude))
         first = float(longitude[known[0]]) if len(known) else 0.0
-        plane = LocalPlane(float(np.nanmean(latitude)), first)
+        plane = TransverseMercator(float(np.nanmean(latitude)), first)
         east, north = plane.forward(latitude, longitude)
         v_north, v_east = (self.slope(self.smooth(x, TRACK_WIDTH)) for x in (north, east))
         speed = np.hypot(v_north, v_east)
