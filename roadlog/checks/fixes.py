@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from roadlog.checks.finding import Finding
-from roadlog.motion.evidence import EARTH_RADIUS
+from roadlog.geo import LocalPlane
 from roadlog.storage import Table
 from roadlog.types import Floats
 
@@ -43,9 +43,10 @@ def _known(time: Floats, columns: Mapping[str, Floats], names: tuple[str, ...]) 
 
 def _steps(latitude: Floats, longitude: Floats) -> Floats:
     """m between one fix and the next."""
-    north = EARTH_RADIUS * np.diff(np.radians(latitude))
-    across = EARTH_RADIUS * np.cos(np.radians(latitude.mean()))
-    return np.hypot(north, across * np.diff(np.radians(longitude)))
+    if not len(latitude):
+        return np.empty(0)
+    east, north = LocalPlane(float(latitude.mean()), longitude[0]).forward(latitude, longitude)
+    return np.hypot(np.diff(east), np.diff(north))
 
 
 def _jumps(

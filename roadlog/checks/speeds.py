@@ -6,7 +6,8 @@ import numpy as np
 
 from roadlog.checks.motion import Examination, clear_lag, roles_of
 from roadlog.drive import nan_median
-from roadlog.motion.evidence import AXES, MOVING, TRACK_WIDTH, WHEELS, Evidence
+from roadlog.motion.evidence import MOVING, TRACK_WIDTH, Evidence
+from roadlog.signals import AXES, WHEELS
 from roadlog.types import Floats
 from roadlog.units import UNITS
 
