@@ -17,8 +17,8 @@ import numpy as np
 from roadlog import estimators
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
+from roadlog.estimate import Estimate
 from roadlog.ingest import ingest
-from roadlog.log import AngleTrack
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
 from roadlog.signals import ANGLES, TRUTH_TOPIC
 from roadlog.simulate import simulate
@@ -79,16 +79,15 @@ Row = tuple[str, str, float, float, float, int]
 
 
 def compared(
-    drive: Drive, truth: AngleTrack, vehicle: Vehicle
+    drive: Drive, truth: Estimate, vehicle: Vehicle
 ) -> Iterator[tuple[str, str, AngleMetrics]]:
     """Estimator, angle and how they compare, of all that can run."""
     for estimator in estimators.all_estimators():
         if estimator.missing(drive):
             continue
         estimate = estimators.run(estimator.name, drive, vehicle)
-        track = AngleTrack.of(estimate, drive)
         for angle in ANGLES:
-            errors = angle_errors(track, truth, angle)
+            errors = angle_errors(estimate, truth, angle)
             if errors is not None:
                 yield estimator.name, angle, angle_metrics(errors, angle)
 
@@ -98,7 +97,7 @@ def simulated(job: tuple[tuple[str, bool], int]) -> list[Row]:
     (name, full), seed = job
     simulation = simulate(name, seed=seed, full=full)
     drive = Drive.from_tables(simulation.tables)
-    truth = AngleTrack.from_table(simulation.table(TRUTH_TOPIC))
+    truth = Estimate.from_table(simulation.table(TRUTH_TOPIC))
     return [
         (estimator, angle, found.rmse_deg, found.within_2sd, found.nees, found.n)
         for estimator, angle, found in compared(drive, truth, simulation.vehicle)
@@ -113,7 +112,7 @@ def real(name: str) -> dict[str, str]:
     result = ingest(
         sources, profile, [SHARED / database for database in databases], truth_from=truth_from
     )
-    truth = AngleTrack.from_table(next(t for t in result.tables if t.topic == TRUTH_TOPIC))
+    truth = Estimate.from_table(next(t for t in result.tables if t.topic == TRUTH_TOPIC))
     cells = {}
     for estimator, angle, found in compared(Drive.from_tables(result.tables), truth, Vehicle()):
         if angle == "grade" and found.std_deg is not None:

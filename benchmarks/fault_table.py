@@ -14,7 +14,7 @@ from support.drives import SHARED
 from roadlog import estimators
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.log import AngleTrack
+from roadlog.estimate import Estimate
 from roadlog.metrics import angle_errors
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.storage import Table
@@ -39,7 +39,7 @@ REAL = """The comma2k19 minute, a highway with speeds from CAN, against its refe
 mean of the error, which is the unknown mounting's, is taken off."""
 
 
-def cells(tables: list[Table], truth: AngleTrack, vehicle: Vehicle, *, centered: bool) -> list[str]:
+def cells(tables: list[Table], truth: Estimate, vehicle: Vehicle, *, centered: bool) -> list[str]:
     """One row: every estimator of an angle that the truth has."""
     drive = Drive.from_tables(tables)
     result = []
@@ -49,9 +49,8 @@ def cells(tables: list[Table], truth: AngleTrack, vehicle: Vehicle, *, centered:
             continue
         estimate = estimators.run(name, drive, vehicle)
         angle = next(a for a in estimate.angles if a in truth.angles)
-        track = AngleTrack.of(estimate, drive)
-        found = angle_errors(track, truth, angle)
-        share = estimate.usable.mean()
+        found = angle_errors(estimate, truth, angle)
+        share = estimate.valid.mean()
         if found is None or not found.valid.any():
             result.append("-")
             continue
@@ -61,7 +60,7 @@ def cells(tables: list[Table], truth: AngleTrack, vehicle: Vehicle, *, centered:
     return result
 
 
-def columns(truth: AngleTrack) -> list[str]:
+def columns(truth: Estimate) -> list[str]:
     return [e.name for e in estimators.all_estimators() if set(e.gives) & set(truth.angles)]
 
 
@@ -74,7 +73,7 @@ def section(
 ) -> list[str]:
     """The tables of one drive, seven estimators beside each other."""
     inputs, others, vehicle = drive
-    truth = AngleTrack.from_table(next(t for t in others if t.topic == TRUTH_TOPIC))
+    truth = Estimate.from_table(next(t for t in others if t.topic == TRUTH_TOPIC))
     runs = {"no fault": list(inputs)}
     runs |= {fault.name: faults.inject(inputs, fault) for fault in faults.OF_THE_LOG}
     for group in faults.GROUPS:

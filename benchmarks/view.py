@@ -70,8 +70,8 @@ def hour(path: Path) -> DriveLog:
         gives = estimators.get(name).gives
         angles = {angle: truth[angle] + 0.003 * smooth_noise(rng, 30) for angle in gives}
         sd = {angle: 0.003 + 0.0005 * np.abs(smooth_noise(rng, 100)) for angle in gives}
-        estimates.append(Estimate(drive.time, angles, sd, name=name))
-    log.write(estimates, drive, engine="compiled")
+        estimates.append(Estimate(drive.time, angles, sd, name=name, start_ns=drive.start_ns))
+    log.write(estimates)
     return DriveLog(path)
 
 

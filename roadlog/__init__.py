@@ -3,24 +3,53 @@
 ```python
 import roadlog
 
-log = roadlog.open("drive.mcap")
-estimate = log.estimate("fusion")
-estimate.grade        # rad, on estimate.time
-estimate.to_pandas()
+with roadlog.open("drive.mcap") as log:
+    estimate = log.estimate("fusion")
+    estimate.grade  # rad, on estimate.time
+    estimate.to_pandas()
+    estimate.errors(log.truth()).grade
 ```
+
+`estimators`, `simulate` and `ingest` are imported when they are first used.
 """
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from roadlog.errors import RoadlogError
 from roadlog.version import __version__
 
 if TYPE_CHECKING:
-    from roadlog.log import DriveLog
+    from roadlog import estimators, ingest, simulate
+    from roadlog.car.vehicle import Vehicle
+    from roadlog.drive import Drive
+    from roadlog.estimate import Estimate
+    from roadlog.log import DriveLog, create
 
-__all__ = ["__version__", "open"]
+__all__ = [
+    "Drive",
+    "DriveLog",
+    "Estimate",
+    "RoadlogError",
+    "Vehicle",
+    "__version__",
+    "create",
+    "estimators",
+    "ingest",
+    "simulate",
+]  # and `open`, which a star import should not put over Python's own
+
+_MODULES = ("estimators", "ingest", "simulate")
+_CLASSES = {
+    "Drive": "roadlog.drive",
+    "DriveLog": "roadlog.log",
+    "Estimate": "roadlog.estimate",
+    "Vehicle": "roadlog.car.vehicle",
+    "create": "roadlog.log",
+}
 
 
 def open(path: Path | str, profile: Path | str | None = None) -> DriveLog:
@@ -28,3 +57,15 @@ def open(path: Path | str, profile: Path | str | None = None) -> DriveLog:
     from roadlog.log import DriveLog  # imports what computes; `import roadlog` alone stays fast
 
     return DriveLog(path, profile)
+
+
+def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(f"roadlog.{name}")
+    if name in _CLASSES:
+        return getattr(import_module(_CLASSES[name]), name)
+    raise AttributeError(f"module 'roadlog' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_MODULES, *_CLASSES])

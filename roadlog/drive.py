@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 from weakref import WeakValueDictionary
 
 import numpy as np
 
-from roadlog.columnar import Columnar
+from roadlog.columnar import Columnar, fixed
 from roadlog.errors import LogReadError, MissingSignalError, near
 from roadlog.signals import INPUTS, SECTIONS, SIGNALS, Signal
 from roadlog.storage.table import Table
@@ -29,8 +30,8 @@ STANDSTILL_FUTURE = 0.5  # s
 STRAIGHT_LATERAL = 0.5  # m/s2, |yaw rate| * max(v, 1 m/s)
 
 
-@dataclass(frozen=True)
-class Samples:
+@dataclass(frozen=True, eq=False)
+class Samples(Columnar):
     """One channel as the logger wrote it.
 
     time: seconds on the drive's clock, ascending. columns: field -> values, NaN where unknown.
@@ -38,6 +39,10 @@ class Samples:
 
     time: Floats
     columns: Mapping[str, Floats]
+
+    def to_columns(self) -> dict[str, Floats]:
+        """`time` in s and the fields."""
+        return {"time": self.time, **self.columns}
 
 
 class Resampled(Mapping[str, Floats]):
@@ -53,7 +58,7 @@ class Resampled(Mapping[str, Floats]):
         time: Floats,
         others: Mapping[str, Floats] | None = None,
     ) -> None:
-        self._time, self._others = time, others or {}
+        self._native, self._time, self._others = native, time, others or {}
         self._sources = {
             signal.role: (samples, signal)
             for name, samples in native.items()
@@ -68,9 +73,14 @@ class Resampled(Mapping[str, Floats]):
         values = self._in_use.get(role)
         if values is None:
             samples, signal = self._sources[role]
-            values = resample(samples.time, samples.columns[signal.field], self._time, signal)
+            values = fixed(
+                resample(samples.time, samples.columns[signal.field], self._time, signal)
+            )
             self._in_use[role] = values
         return values
+
+    def __reduce__(self) -> tuple:
+        return Resampled, (self._native, self._time, self._others)  # without what is in use
 
     def __contains__(self, role: object) -> bool:
         return role in self._sources or role in self._others
@@ -82,10 +92,11 @@ class Resampled(Mapping[str, Floats]):
         return len(self._others.keys() | self._sources.keys())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Drive(Columnar):
     """A log's signals on one uniform clock.
 
+    Its arrays are not to be changed: every method looks at the same.
     time: seconds from `start_ns`, uniform. signals: role -> values in SI as long as `time`, NaN
     where the newest sample is older than the larger of 0.1 s and 2.5 median intervals of its
     channel. native: section -> samples at their own times, for estimators that use them so.
@@ -96,6 +107,9 @@ class Drive(Columnar):
     rate: float
     signals: Mapping[str, Floats]
     native: Mapping[str, Samples]
+
+    def __repr__(self) -> str:
+        return f"<Drive: {self.time[-1]:.1f} s at {self.rate:g} Hz; {', '.join(self.native)}>"
 
     @classmethod
     def from_tables(cls, tables: Iterable[Table], rate: float = DEFAULT_RATE) -> Drive:
@@ -119,7 +133,7 @@ class Drive(Columnar):
                 f"stamps span {duration / 86400:.1f} days; a clock jumped or a channel has another "
                 f"epoch (see `roadlog info`)"
             )
-        time = np.arange(int(np.floor(duration * rate + 1e-6)) + 1) / rate
+        time = fixed(np.arange(int(np.floor(duration * rate + 1e-6)) + 1) / rate)
         native: dict[str, Samples] = {}
         for section, table in inputs:
             order = np.argsort(table.time, kind="stable")
@@ -132,9 +146,14 @@ class Drive(Columnar):
                 values[~np.isfinite(values)] = np.nan
                 if np.isnan(values).all():
                     continue  # a field that the source does not know is a signal it does not have
-                columns[signal.field] = values
-            native[section.name] = Samples(own, columns)
+                columns[signal.field] = fixed(values)
+            native[section.name] = Samples(fixed(own), columns)
         return cls(time, start, rate, Resampled(native, time), native)
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """Start and rate."""
+        return {"start_ns": self.start_ns, "rate_hz": self.rate}
 
     def __len__(self) -> int:
         return len(self.time)
@@ -198,7 +217,7 @@ class Drive(Columnar):
         """m/s along the road: mean of the wheel speeds, else /speed, else GNSS speed."""
         for source in self.sources_of_speed():
             if source == "wheel_speeds":
-                return self.wheel_speed()
+                return fixed(self.wheel_speed())
             return self["speed.v" if source == "speed" else "gnss.speed"]
         raise MissingSignalError(
             "no speed in this drive: it has none of /wheel_speeds, /speed, /gnss speed"
@@ -209,7 +228,7 @@ class Drive(Columnar):
         """True where the car stands, with hysteresis in past and future."""
         if not self.has_speed:
             return np.zeros(len(self), np.bool_)
-        return static_mask(self.speed, self.rate)
+        return fixed(static_mask(self.speed, self.rate))
 
     @cached_property
     def straight(self) -> Bools:
@@ -217,14 +236,7 @@ class Drive(Columnar):
         if "imu.gyro_z" not in self or not self.has_speed:
             return np.ones(len(self), np.bool_)
         lateral = np.abs(self["imu.gyro_z"]) * np.maximum(self.speed, 1.0)
-        return ~(lateral >= STRAIGHT_LATERAL)
-
-    def segments(self, *signals: Floats) -> list[slice]:
-        """Runs of samples in which every given signal is known."""
-        known = np.ones(len(self), np.bool_)
-        for values in signals:
-            known &= np.isfinite(values)
-        return runs(known)
+        return fixed(~(lateral >= STRAIGHT_LATERAL))
 
 
 def resample(own: Floats, values: Floats, time: Floats, signal: Signal) -> Floats:

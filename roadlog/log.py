@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,12 +14,11 @@ import numpy as np
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import DEFAULT_RATE, Drive
 from roadlog.errors import LogReadError, MissingSignalError, near
-from roadlog.estimate import Estimate
+from roadlog.estimate import Detail, Estimate
 from roadlog.files import changed
 from roadlog.location_fix import location_fix
 from roadlog.memory import trim
 from roadlog.signals import (
-    ANGLES,
     FIX_TOPIC,
     INPUTS,
     SECTIONS,
@@ -30,47 +28,15 @@ from roadlog.signals import (
 )
 from roadlog.storage import Channel, LogReader, Table, update_log, write_log
 from roadlog.storage.lock import exclusive
-from roadlog.types import Bools, Flags, Floats, Stamps
-from roadlog.version import __version__
 
 if TYPE_CHECKING:
     from roadlog.checks import Finding
     from roadlog.ingest.profile import Profile
+    from roadlog.metrics import Evaluation
 
 IN_PLACE = "in place"  # the profile record of an MCAP whose own topics it explains
+FIRST = 1_000_000_000  # ns of a log that are looked at for where its inputs begin
 _SIGNALS = frozenset(section.topic for section in SECTIONS.values())
-
-
-@dataclass(frozen=True)
-class AngleTrack:
-    """Angles as a log holds them: the truth, or one estimate.
-
-    time: int64 ns. angles and sd: name -> rad, NaN where unknown; only angles that are known at
-    some time. valid, flags: as in `roadlog.v1.RoadAngles`.
-    """
-
-    time: Stamps
-    angles: Mapping[str, Floats]
-    sd: Mapping[str, Floats]
-    valid: Bools
-    flags: Flags
-
-    @classmethod
-    def of(cls, estimate: Estimate, drive: Drive) -> AngleTrack:
-        """An estimate as a log would hold it."""
-        return cls.from_table(estimate.tables(drive)[0])
-
-    @classmethod
-    def from_table(cls, table: Table) -> AngleTrack:
-        """The columns of one RoadAngles channel."""
-        angles, sd = {}, {}
-        for angle in ANGLES:
-            values = np.asarray(table.columns[angle], np.float64)
-            if not np.isnan(values).all():
-                angles[angle] = values
-                sd[angle] = np.asarray(table.columns[f"{angle}_sd"], np.float64)
-        valid = np.asarray(table.columns["valid"], np.bool_)
-        return cls(table.time, angles, sd, valid, np.asarray(table.columns["flags"], np.uint32))
 
 
 class DriveLog:
@@ -79,7 +45,8 @@ class DriveLog:
     profile: a profile file or the name of a shipped one, for a third-party MCAP; without it the one
     that an earlier run stored in the file counts, or the shipped one that the message types ask
     for. recover: put the file back where a change of it was interrupted; else it is only read as
-    it was before. Raises LogReadError when the file is no readable MCAP, ConfigError.
+    it was before. All times in s count from the first sample of any input.
+    Raises LogReadError when the file is no readable MCAP, ConfigError.
     """
 
     def __init__(
@@ -101,6 +68,38 @@ class DriveLog:
         self.start_ns = self._reader.start_ns
         self.end_ns = self._reader.end_ns
         self.losses: list[str] = self._reader.losses
+        for name in ("profile", "vehicle", "drive_start_ns", "_mapped"):
+            self.__dict__.pop(name, None)  # what was known of the file before it was written
+
+    def __enter__(self) -> DriveLog:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._reader.source.close()
+
+    def __reduce__(self) -> tuple:
+        return DriveLog, (self.path, self._given)  # another process opens the file itself
+
+    def __repr__(self) -> str:
+        seconds = 0.0
+        if self.start_ns is not None and self.end_ns is not None:
+            seconds = (self.end_ns - self.start_ns) * 1e-9
+        made = ", ".join(self.estimators) or "no estimates"
+        return f"<DriveLog {self.path}: {seconds:.1f} s, {len(self.channels)} channels; {made}>"
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        rows = "".join(
+            f"<tr><td>{escape(c.topic)}</td><td>{escape(c.schema)}</td><td>{c.count}</td></tr>"
+            for c in self.channels
+        )
+        head = "<tr><th>topic</th><th>schema</th><th>messages</th></tr>"
+        return f"<p>{escape(repr(self))}</p><table>{head}{rows}</table>"
 
     def tables(self, topics: Iterable[str] | None = None) -> dict[str, Table]:
         """Columns of the given topics that the log has (default: all), in one pass.
@@ -165,6 +164,22 @@ class DriveLog:
             raise LogReadError("; ".join([f"{self.path}: {error}", *self.losses])) from error
 
     @cached_property
+    def drive_start_ns(self) -> int:
+        """ns since 1970 of the first sample of any input, without inputs of any message: time 0."""
+        known = {channel.topic for channel in self.channels}
+        topics = {section.topic for section in INPUTS}
+        if self.profile is not None or self.start_ns is None or self.end_ns is None:
+            tables = self.tables(topics)
+        else:
+            span, tables = FIRST, {}
+            while not any(map(len, tables.values())) and span < 4 * (self.end_ns - self.start_ns):
+                nothing: dict[str, list[str]] = {topic: [] for topic in topics & known}
+                tables = self._reader.read(nothing, fields=nothing, end_ns=self.start_ns + span)
+                span *= 8
+        starts = [int(table.time.min()) for table in tables.values() if len(table)]
+        return min(starts, default=self.start_ns or 0)
+
+    @cached_property
     def vehicle(self) -> Vehicle:
         """The vehicle file stored in the log, or the default car."""
         text = self.metadata.get("vehicle", {}).get("toml", "")
@@ -176,10 +191,12 @@ class DriveLog:
         found = (split_estimate_topic(channel.topic) for channel in self.channels)
         return sorted({parts[0] for parts in found if parts and parts[1] == "angles"})
 
-    def truth(self) -> AngleTrack | None:
+    def truth(self) -> Estimate | None:
         """The true angles, when the log has them."""
         table = self.tables([TRUTH_TOPIC]).get(TRUTH_TOPIC)
-        return AngleTrack.from_table(table) if table is not None and len(table) else None
+        if table is None or not len(table):
+            return None
+        return Estimate.from_table(table, self.drive_start_ns, "truth")
 
     def estimate(
         self,
@@ -217,27 +234,39 @@ class DriveLog:
         lines = [line for record in records for line in record.get("checks", "").splitlines()]
         return list(dict.fromkeys(lines))
 
-    def stored(self, name: str) -> AngleTrack:
-        """The angles of one estimator that the log holds. Raises MissingSignalError."""
+    def stored(self, name: str) -> Estimate:
+        """The angles of one estimator that the log holds; `detail` has its further channels.
+
+        Raises MissingSignalError.
+        """
         topic = estimate_topic(name)
         table = self.tables([topic]).get(topic)
         if table is None:
             raise MissingSignalError(
                 f"{self.path}: no estimate '{name}'. {near(name, self.estimators)}"
             )
-        return AngleTrack.from_table(table)
+        record = self.metadata.get(f"estimate/{name}")
+        return Estimate.from_table(table, self.drive_start_ns, name, record)
 
-    def detail(self, name: str, detail: str) -> Table | None:
+    def detail(self, name: str, detail: str) -> Detail | None:
         """A further channel of one estimator, when the log has it."""
         topic = estimate_topic(name, detail)
-        return self.tables([topic]).get(topic)
+        table = self.tables([topic]).get(topic)
+        if table is None:
+            return None
+        time = np.multiply(table.time - self.drive_start_ns, 1e-9)
+        return Detail(table.schema, time, table.columns)
+
+    def evaluate(self, skip: float | None = None, remove_offset: bool = False) -> Evaluation:
+        """Every stored estimate against the truth, as `metrics.evaluate`."""
+        from roadlog import metrics
+
+        return metrics.evaluate(self, metrics.DEFAULT_SKIP if skip is None else skip, remove_offset)
 
     def write(
         self,
         estimates: Iterable[Estimate],
-        drive: Drive,
         *,
-        engine: str,
         names: Iterable[str] = (),
         vehicle: Vehicle | None = None,
         out: Path | None = None,
@@ -271,8 +300,9 @@ class DriveLog:
 
         def tables() -> Iterator[Table]:
             for estimate in estimates:
-                records[f"estimate/{estimate.name}"] = _record(estimate, drive, engine, faults)
-                yield from estimate.tables(drive)
+                checked = {"checks": "\n".join(map(str, faults))}
+                records[f"estimate/{estimate.name}"] = estimate.record() | checked
+                yield from estimate.tables()
                 del estimate
                 trim()
 
@@ -303,21 +333,6 @@ class DriveLog:
 
 def _is_result(topic: str) -> bool:
     return split_estimate_topic(topic) is not None
-
-
-def _record(
-    estimate: Estimate, drive: Drive, engine: str, faults: Sequence[Finding]
-) -> dict[str, str]:
-    """Metadata record of one estimate; nothing in it changes from run to run."""
-    return {
-        "parameters": json.dumps(dict(estimate.parameters), sort_keys=True),
-        "engine": engine,
-        "roadlog": __version__,
-        "inputs": ", ".join(sorted(drive.signals)),
-        "duration": f"{drive.time[-1]:.3f} s",
-        "notes": "\n".join(estimate.notes),
-        "checks": "\n".join(map(str, faults)),
-    }
 
 
 def create(

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from roadlog.columnar import ByValue, Columnar
 from roadlog.drive import stale_limit
-from roadlog.errors import LogReadError
-from roadlog.log import AngleTrack, DriveLog
+from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.signals import ANGLES, DECELERATION, TRUTH_TOPIC
-from roadlog.storage import Table
 from roadlog.types import Bools, Floats
+
+if TYPE_CHECKING:
+    import pandas
+
+    from roadlog.estimate import Detail, Estimate
+    from roadlog.log import DriveLog
 
 DEFAULT_SKIP = 5.0  # s, filters converge
 HEADLAMP_DEG = (0.2, 0.5)  # deg, errors of the pitch that a headlamp forgives; Kim 2023, Table 2
@@ -62,14 +69,16 @@ class StopMetrics:
     converged_after: int | None
 
 
-@dataclass(frozen=True)
-class AngleErrors:
+@dataclass(frozen=True, eq=False)
+class AngleErrors(ByValue):
     """Errors of one angle at the truth's times.
 
-    time: s after the truth's first sample. error: rad, estimate minus truth, wrapped; NaN where
-    there is no estimate. sd: rad, of the error. valid: compared. percent: error of 100 tan(angle).
+    rows: which samples of the truth. time: theirs, s on its clock. error: rad, estimate minus
+    truth, wrapped; NaN where there is no estimate. sd: rad, of the error. valid: compared.
+    percent: error of 100 tan(angle).
     """
 
+    rows: NDArray[np.intp]
     time: Floats
     error: Floats
     sd: Floats
@@ -78,9 +87,98 @@ class AngleErrors:
     valid: Bools
 
 
-def evaluate(
-    log: DriveLog, skip: float = DEFAULT_SKIP, remove_offset: bool = False
-) -> dict[str, dict[str, AngleMetrics]]:
+@dataclass(frozen=True, eq=False, repr=False)
+class Errors(Columnar):
+    """Errors of every angle that an estimate and the truth have: `errors.grade`, in rad.
+
+    time: of the truth's samples, s on its clock. of: angle -> errors.
+    """
+
+    time: Floats
+    of: Mapping[str, AngleErrors]
+
+    def __getattr__(self, name: str) -> Floats:
+        """`errors.grade`: rad at the truth's times, NaN where there is no valid estimate."""
+        of: Mapping[str, AngleErrors] = self.__dict__.get("of", {})
+        if name not in of:
+            raise AttributeError(f"no errors of '{name}'; there are those of {', '.join(of)}")
+        values = np.full(len(self.time), np.nan)
+        found = of[name]
+        values[found.rows[found.valid]] = found.error[found.valid]
+        return values
+
+    def __repr__(self) -> str:
+        figures = ", ".join(
+            f"{angle} {m.rmse_deg:.3f}" for angle, m in self.metrics().items() if m.n
+        )
+        return f"<Errors at {len(self.time)} times, RMSE in deg: {figures or 'none'}>"
+
+    def to_columns(self) -> dict[str, NDArray]:
+        """`time` in s and the error of each angle in rad."""
+        return {"time": self.time, **{angle: getattr(self, angle) for angle in self.of}}
+
+    def metrics(self, remove_offset: bool = False) -> dict[str, AngleMetrics]:
+        """angle -> figures."""
+        return {a: angle_metrics(errors, a, remove_offset) for a, errors in self.of.items()}
+
+
+def errors(estimate: Estimate, truth: Estimate, skip: float = 0.0) -> Errors:
+    """Errors of every angle that both have, at the truth's times."""
+    found = {angle: angle_errors(estimate, truth, angle, skip) for angle in ANGLES}
+    return Errors(truth.time, {angle: e for angle, e in found.items() if e is not None})
+
+
+@dataclass(frozen=True)
+class Evaluation(Mapping[str, Mapping[str, AngleMetrics]]):
+    """A table: estimator -> angle -> figures."""
+
+    figures: Mapping[str, Mapping[str, AngleMetrics]]
+
+    def __getitem__(self, name: str) -> Mapping[str, AngleMetrics]:
+        return self.figures[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.figures)
+
+    def __len__(self) -> int:
+        return len(self.figures)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each angle of each estimator."""
+        return [
+            {"estimate": name, "angle": angle, **asdict(m)}
+            for name, angles in self.items()
+            for angle, m in angles.items()
+        ]
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Indexed by estimate and angle. Raises MissingExtraError."""
+        try:
+            import pandas
+        except ModuleNotFoundError:
+            raise MissingExtraError("to_pandas", "table") from None
+        names = ["estimate", "angle", *(f.name for f in fields(AngleMetrics))]
+        return pandas.DataFrame(self.rows(), columns=names).set_index(names[:2])
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        shown = ("estimate", "angle", "n", "valid_share", "bias_deg", "rmse_deg", "within_2sd")
+        body = "".join(
+            "<tr>" + "".join(f"<td>{escape(_shown(row[key]))}</td>" for key in shown) + "</tr>"
+            for row in self.rows()
+        )
+        head = "".join(f"<th>{key}</th>" for key in shown)
+        return f"<table><tr>{head}</tr>{body}</table>"
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.3f}" if isinstance(value, float) else str(value)
+
+
+def evaluate(log: DriveLog, skip: float = DEFAULT_SKIP, remove_offset: bool = False) -> Evaluation:
     """Metrics of every estimate in a log: estimator -> angle -> metrics.
 
     skip: s at the start of an estimate that do not count. remove_offset: subtract the mean error
@@ -97,13 +195,8 @@ def evaluate(
         raise LogReadError(f"{log.path}: has no estimates yet; run `roadlog estimate {log.path}`")
     result: dict[str, dict[str, AngleMetrics]] = {}
     for name in log.estimators:
-        estimate = log.stored(name)
-        result[name] = {
-            angle: angle_metrics(errors, angle, remove_offset)
-            for angle in ANGLES
-            if (errors := angle_errors(estimate, truth, angle, skip)) is not None
-        }
-    return result
+        result[name] = errors(log.stored(name), truth, skip).metrics(remove_offset)
+    return Evaluation(result)
 
 
 def stop_metrics(log: DriveLog, remove_offset: bool = False) -> dict[str, StopMetrics]:
@@ -117,12 +210,11 @@ def stop_metrics(log: DriveLog, remove_offset: bool = False) -> dict[str, StopMe
     }
 
 
-def _stop_metrics(events: Table, truth: AngleTrack, remove_offset: bool) -> StopMetrics:
+def _stop_metrics(events: Detail, truth: Estimate, remove_offset: bool) -> StopMetrics:
     c = events.columns
     # a body rocks after it stops: its pitch counts at the end of the stop, where it rests
     rest = np.where(c["kind"] == DECELERATION, c["standstill"], 0.0)
-    time = (events.time - truth.time[0]) * 1e-9 + np.nan_to_num(rest)
-    own = _seconds(truth, truth)
+    time, own = events.time + np.nan_to_num(rest), truth.time
     known = truth.angles.get("pitch", np.full(len(own), np.nan))
     true = np.interp(time, own, np.where(truth.valid, known, np.nan), np.nan, np.nan)
     error = np.degrees(c["pitch"] - true)
@@ -147,13 +239,13 @@ def _stop_metrics(events: Table, truth: AngleTrack, remove_offset: bool) -> Stop
 
 
 def angle_errors(
-    estimate: AngleTrack, truth: AngleTrack, angle: str, skip: float = DEFAULT_SKIP
+    estimate: Estimate, truth: Estimate, angle: str, skip: float = DEFAULT_SKIP
 ) -> AngleErrors | None:
     """Errors of one angle at the truth's times; None when either side does not have it.
 
     Linear interpolation of the estimate; no extrapolation, never across a gap.
     """
-    if angle not in estimate.angles or angle not in truth.angles or not len(estimate.time):
+    if angle not in estimate.known or angle not in truth.angles:
         return None
     time = _seconds(truth, truth)
     own = _seconds(estimate, truth)
@@ -171,7 +263,8 @@ def angle_errors(
     percent = 100 * (np.tan(value) - np.tan(true))
     matched = counted & inside & np.isfinite(error)
     return AngleErrors(
-        time[counted],
+        np.flatnonzero(counted),
+        truth.time[counted],
         np.where(inside, error, np.nan)[counted],
         np.hypot(sd, true_sd)[counted],
         percent[counted],
@@ -219,7 +312,7 @@ def angle_metrics(errors: AngleErrors, angle: str, remove_offset: bool = False) 
 
 def to_json(
     log: DriveLog,
-    metrics: dict[str, dict[str, AngleMetrics]],
+    metrics: Mapping[str, Mapping[str, AngleMetrics]],
     remove_offset: bool = False,
     stops: dict[str, StopMetrics] | None = None,
 ) -> dict[str, Any]:
@@ -243,5 +336,5 @@ def to_json(
     return result
 
 
-def _seconds(track: AngleTrack, origin: AngleTrack) -> Floats:
-    return np.multiply(track.time - origin.time[0], 1e-9)
+def _seconds(track: Estimate, origin: Estimate) -> Floats:
+    return np.multiply(track.time_ns - origin.time_ns[0], 1e-9)

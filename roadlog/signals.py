@@ -152,6 +152,15 @@ FIX_TOPIC = "/gnss/fix"  # the same fix as foxglove.LocationFix, for maps
 ESTIMATES_PREFIX = "/estimates/"
 
 
+def unit_of(column: str) -> str:
+    """Unit of a role, an angle or its sd, or of `time`; empty where it has none."""
+    if column == "time":
+        return "s"
+    if column in SIGNALS:
+        return SIGNALS[column].unit
+    return "rad" if column.removesuffix("_sd") in ANGLES else ""
+
+
 def estimate_topic(name: str, detail: str = "angles") -> str:
     """Topic of one output of one estimator."""
     return f"{ESTIMATES_PREFIX}{name}/{detail}"

@@ -11,13 +11,14 @@ from support.drives import ROOT
 
 # Lower imports nothing higher, at the top of a module or inside a function. `log` is the door to
 # what is above it in a reader's mind (estimators, ingest, both imported when asked for), so it
-# stands on them; `metrics` compares what a log holds.
+# stands on them.
 LAYERS = (
     ("errors", "types", "version"),
     ("toml", "units", "signals", "columnar", "memory", "files", "extras", "plugins", "csv_text"),
     ("spool", "geo", "rotation", "stamps"),
     ("storage",),
     ("drive", "location_fix"),
+    ("metrics",),
     ("estimate",),
     ("filters",),
     ("car", "motion"),
@@ -26,7 +27,7 @@ LAYERS = (
     ("estimators", "simulate"),
     ("calibrate", "ingest"),
     ("log",),
-    ("metrics", "summary", "export", "roadlog"),
+    ("summary", "export", "roadlog"),
     ("view", "reproduce", "doctor"),
     ("report",),
     ("cli",),

@@ -5,7 +5,8 @@ import pytest
 from support.drives import EPOCH_NS, hill_tables
 
 from roadlog.errors import LogReadError
-from roadlog.log import AngleTrack, DriveLog, create
+from roadlog.estimate import Estimate
+from roadlog.log import DriveLog, create
 from roadlog.metrics import (
     STOP_EVENT,
     angle_errors,
@@ -18,13 +19,13 @@ from roadlog.signals import ANGLES, ANGLES_SCHEMA, DECELERATION, TRUTH_TOPIC
 from roadlog.storage import Table
 
 
-def track(t: np.ndarray, grade: np.ndarray, sd: float = np.nan, valid=None) -> AngleTrack:
-    return AngleTrack(
-        EPOCH_NS + np.round(t * 1e9).astype(np.int64),
+def track(t: np.ndarray, grade: np.ndarray, sd: float = np.nan, valid=None) -> Estimate:
+    return Estimate(
+        t,
         {"grade": grade},
         {"grade": np.full(len(t), sd)},
         np.ones(len(t), np.bool_) if valid is None else valid,
-        np.zeros(len(t), np.uint32),
+        start_ns=EPOCH_NS,
     )
 
 

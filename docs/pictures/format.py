@@ -124,7 +124,7 @@ def main() -> None:
         path = Path(folder) / f"{SCENARIO}.mcap"
         made = create(path, simulation.tables, vehicle=simulation.vehicle)
         drive = made.drive()
-        made.write([estimators.run(METHOD, drive, made.vehicle)], drive, engine="compiled")
+        made.write([estimators.run(METHOD, drive, made.vehicle)])
         figure, (file, chunks, message) = plt.subplots(
             3, 1, figsize=(9, 8), layout="constrained", height_ratios=[1, 8, 1.2]
         )

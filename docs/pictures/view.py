@@ -34,7 +34,7 @@ def main() -> None:
         log = create(path, simulation.tables, vehicle=simulation.vehicle)
         drive = log.drive()
         made = [estimators.run(name, drive, log.vehicle) for name in METHODS]
-        log.write(made, drive, engine="compiled")
+        log.write(made)
         recording = Path(folder) / "drive.rrd"
         write_recording(drive_view(DriveLog(path)), recording)
         with viewer.headless(recording) as shown:

@@ -91,7 +91,7 @@ def roll_gradient(drive: Drive, estimate: Estimate, vehicle: Vehicle) -> Finding
 
 def _usable(drive: Drive, estimate: Estimate) -> Bools:
     """Where the car moves and the angles are known."""
-    return (np.abs(filled(drive.speed)) > SPEED) & estimate.usable
+    return (np.abs(filled(drive.speed)) > SPEED) & estimate.valid
 
 
 def _ratio(

@@ -55,7 +55,7 @@ def mass_and_rolling(
     spin = zero_phase(engine * change, CUTOFF, drive.rate)
     y = zero_phase(filled(force) - wheels * change - drag * speed**2, CUTOFF, drive.rate) - spin
     x = zero_phase(along + scrub, CUTOFF, drive.rate)
-    use = (speed > MIN_SPEED) & np.isfinite(force) & estimate.usable & _brakes_off(drive)
+    use = (speed > MIN_SPEED) & np.isfinite(force) & estimate.valid & _brakes_off(drive)
     level = float(np.std(x[use])) if use.any() else 0.0
     time = float(use.sum() * drive.dt)
     if time < MIN_TIME or level < FORCE:

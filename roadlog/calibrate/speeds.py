@@ -112,7 +112,7 @@ def reference(
         f_x - G * filled(estimate.pitch),
         speed,
         np.cos(inclination),
-        estimate.usable & (np.abs(speed) > MIN_SPEED),
+        estimate.valid & (np.abs(speed) > MIN_SPEED),
     )
 
 

@@ -129,8 +129,6 @@ def _estimate_log(
 
     log.write(
         estimates(),
-        drive,
-        engine=engine,
         names=chosen,
         vehicle=given,
         out=out,
@@ -170,7 +168,7 @@ def _summary(estimate: Estimate, drive: Drive) -> dict[str, Any]:
     return {
         "angles": sorted(estimate.angles),
         "samples": len(drive),
-        "valid_share": round(float(estimate.usable.mean()), 6),
+        "valid_share": round(float(estimate.valid.mean()), 6),
         "run_time_s": round(estimate.run_time, 4),
         "parameters": dict(estimate.parameters),
         "notes": list(estimate.notes),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,7 +15,7 @@ from roadlog.cli import console
 if TYPE_CHECKING:
     from roadlog.metrics import AngleMetrics, StopMetrics
 
-Metrics = dict[str, dict[str, "AngleMetrics"]]
+Metrics = Mapping[str, Mapping[str, "AngleMetrics"]]
 
 
 def evaluate(

@@ -114,6 +114,9 @@ def run(
         parameters=dataclasses.asdict(params),
         notes=[*said, *default_notes(estimator, vehicle), *estimate.notes],
         run_time=time.perf_counter() - started,
+        start_ns=drive.start_ns,
+        engine=engine,
+        inputs=tuple(sorted(drive.signals)),
     )
 
 

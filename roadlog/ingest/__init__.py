@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 from roadlog.errors import ConfigError, LogReadError, near
 from roadlog.ingest import clocks, mapping
@@ -220,3 +223,13 @@ def _digests(paths: Sequence[Path]) -> dict[str, str]:
                 digest = hashlib.file_digest(opened, "sha256").hexdigest()
             result[str(file.relative_to(path.parent))] = digest
     return result
+
+
+class _Module(ModuleType):
+    """`roadlog.ingest(...)` is `roadlog.ingest.ingest(...)`."""
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        return ingest(*arguments, **options)
+
+
+sys.modules[__name__].__class__ = _Module

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.drive import Drive
-from roadlog.log import AngleTrack
+from roadlog.estimate import Estimate
 from roadlog.metrics import AngleErrors
 from roadlog.types import Floats
 
@@ -25,8 +25,7 @@ POSITION_DIGITS = 6  # of degrees: 0.1 m
 class Detail:
     """What a detail page shows of one log; estimates are added one by one and not kept."""
 
-    def __init__(self, drive: Drive, truth: AngleTrack | None) -> None:
-        self.start_ns = drive.start_ns
+    def __init__(self, drive: Drive, truth: Estimate | None) -> None:
         end = max(float(drive.time[-1]), drive.dt)
         self.edges: Floats = np.linspace(0.0, end, BUCKETS + 1)
         half = end / BUCKETS / 2
@@ -37,21 +36,19 @@ class Detail:
         self.events: list[dict[str, Any]] = []
         self.track = self._track(drive)
         if truth is not None:
-            time = np.multiply(truth.time - self.start_ns, 1e-9)
             for angle, values in truth.angles.items():
                 shown = np.degrees(np.where(truth.valid, values, np.nan))
-                self.curves.setdefault(angle, {})["truth"] = self._thin(time, shown)
-            self._truth_start = float(time[0])
+                self.curves.setdefault(angle, {})["truth"] = self._thin(truth.time, shown)
 
-    def add(self, name: str, angle: str, track: AngleTrack, errors: AngleErrors | None) -> None:
+    def add(self, angle: str, estimate: Estimate, errors: AngleErrors | None) -> None:
         """One angle of one estimator, and its errors where there is a truth."""
-        time = np.multiply(track.time - self.start_ns, 1e-9)
-        values = np.degrees(np.where(track.valid, track.angles[angle], np.nan))
-        self.curves.setdefault(angle, {})[name] = self._thin(time, values)
+        name = estimate.name
+        values = np.degrees(np.where(estimate.valid, estimate.angles[angle], np.nan))
+        self.curves.setdefault(angle, {})[name] = self._thin(estimate.time, values)
         if errors is None or not errors.valid.any():
             return
         wrong = np.degrees(np.where(errors.valid, errors.error, np.nan))
-        thinned = self._thin(errors.time + self._truth_start, wrong)
+        thinned = self._thin(errors.time, wrong)
         self.errors.setdefault(angle, {})[name] = thinned
         bins = np.arange(-HISTOGRAM_LIMIT, HISTOGRAM_LIMIT + HISTOGRAM_STEP / 2, HISTOGRAM_STEP)
         inner = np.nextafter(HISTOGRAM_LIMIT, 0)

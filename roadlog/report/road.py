@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.drive import Drive, runs
+from roadlog.estimate import Estimate
 from roadlog.files import replacing
 from roadlog.geo import LocalPlane
-from roadlog.log import AngleTrack
 from roadlog.types import Floats
 
 STEP = 10.0  # m between the points of a pass and of a stretch
@@ -61,23 +61,22 @@ class Pass:
             return cls(str(file["estimator"]), *(file[n].astype(np.float64) for n in names))
 
 
-def pass_of(drive: Drive, track: AngleTrack, estimator: str) -> Pass | None:
+def pass_of(drive: Drive, estimate: Estimate) -> Pass | None:
     """The pass of one estimate; None without positions, a speed, or a grade with its sd.
 
     Only points with a valid grade are in it. Positions are the mean over a step, the heading is
     that of the chord over two steps on either side.
     """
     needed = ("gnss.latitude", "gnss.longitude")
-    if "grade" not in track.angles or not all(role in drive for role in needed):
+    if "grade" not in estimate.known or not all(role in drive for role in needed):
         return None
-    if not drive.has_speed or not np.isfinite(track.sd["grade"]).any():
+    if not drive.has_speed or not np.isfinite(estimate.sd["grade"]).any():
         return None
-    time = np.multiply(track.time - drive.start_ns, 1e-9)
     distance = np.cumsum(np.abs(np.nan_to_num(drive.speed))) * drive.dt
-    distance = np.interp(time, drive.time, distance)
-    columns = [np.interp(time, drive.time, drive[role]) for role in needed]
-    columns += [track.angles["grade"], track.sd["grade"]]
-    known = track.valid & np.isfinite(columns).all(axis=0) & (columns[3] > 0)
+    distance = np.interp(estimate.time, drive.time, distance)
+    columns = [np.interp(estimate.time, drive.time, drive[role]) for role in needed]
+    columns += [estimate.angles["grade"], estimate.sd["grade"]]
+    known = estimate.valid & np.isfinite(columns).all(axis=0) & (columns[3] > 0)
     if not known.any():
         return None
     bins = np.floor(distance[known] / STEP).astype(np.int64)
@@ -90,7 +89,7 @@ def pass_of(drive: Drive, track: AngleTrack, estimator: str) -> Pass | None:
     before = np.maximum(np.arange(len(which)) - 2, 0)
     after = np.minimum(np.arange(len(which)) + 2, len(which) - 1)
     heading = np.arctan2(y[after] - y[before], x[after] - x[before])
-    return Pass(estimator, latitude, longitude, heading, grade, sd, distance)
+    return Pass(estimate.name, latitude, longitude, heading, grade, sd, distance)
 
 
 @dataclass(frozen=True)

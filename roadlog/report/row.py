@@ -22,7 +22,7 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError, RoadlogError
 from roadlog.estimate import Estimate
-from roadlog.log import AngleTrack, DriveLog
+from roadlog.log import DriveLog
 from roadlog.metrics import DEFAULT_SKIP, angle_errors, angle_metrics
 from roadlog.report.detail import Detail
 from roadlog.report.road import Pass, pass_of
@@ -191,7 +191,7 @@ def _work_on(path: Path, source: Source, options: Options, work: _Work) -> None:
     faults = [finding for finding in found if finding.level == "fault"]
     row["warnings"] = list(map(str, faults))
     table = opened.tables.get(TRUTH_TOPIC)
-    truth = AngleTrack.from_table(table) if table is not None and len(table) else None
+    truth = Estimate.from_table(table, drive.start_ns) if table is not None and len(table) else None
     seconds["read"] = time.perf_counter() - clock
     work.detail = Detail(drive, truth)
     seconds["estimate"] = seconds["evaluate"] = 0.0
@@ -219,7 +219,7 @@ def _work_on(path: Path, source: Source, options: Options, work: _Work) -> None:
     if opened.log is not None and work.kept:
         clock = time.perf_counter()
         given = opened.vehicle if options.vehicle else None
-        opened.log.write(work.kept, drive, engine="compiled", vehicle=given, faults=faults)
+        opened.log.write(work.kept, vehicle=given, faults=faults)
         source = put_back(source, path)
         row |= {"key": key_of(source, options), "size": source.size, "stamp": source.stamp}
         seconds["write"] = time.perf_counter() - clock
@@ -266,31 +266,30 @@ def _facts(drive: Drive, metadata: Mapping[str, Mapping[str, str]]) -> dict[str,
     }
 
 
-def _reduce(estimate: Estimate, drive: Drive, truth: AngleTrack | None, work: _Work) -> None:
+def _reduce(estimate: Estimate, drive: Drive, truth: Estimate | None, work: _Work) -> None:
     """Put the figures, curves and pass of one estimate where they belong, and forget it."""
     row, name = work.row, estimate.name
-    track = AngleTrack.of(estimate, drive)
-    usable = track.valid
+    usable = estimate.valid
     row["estimators"].append(name)
     row["run_time_s"][name] = estimate.run_time
     row["flags"][name] = {
         flag: share
         for flag, bit in FLAGS.items()
-        if (share := float((track.flags & bit > 0).mean()))
+        if (share := float((estimate.flags & bit > 0).mean()))
     }
     for note in estimate.notes:
         row["warnings"].append(f"{name}: {note}")
     figures: dict[str, Any] = {}
-    for angle in (a for a in ANGLES if a in track.angles):
-        errors = None if truth is None else angle_errors(track, truth, angle, DEFAULT_SKIP)
+    for angle in (a for a in ANGLES if a in estimate.known):
+        errors = None if truth is None else angle_errors(estimate, truth, angle, DEFAULT_SKIP)
         if errors is None:
             figures[angle] = {"valid_share": float(usable.mean())}
         else:
             figures[angle] = asdict(angle_metrics(errors, angle))
         if work.detail is not None:
-            work.detail.add(name, angle, track, errors)
+            work.detail.add(angle, estimate, errors)
         if angle in ("grade", "bank") and row[angle] is None and usable.any():
-            row[angle] = {"estimator": name, **_statistics(track.angles[angle][usable])}
+            row[angle] = {"estimator": name, **_statistics(estimate.angles[angle][usable])}
     row["angles"][name] = figures
     events = estimate.details.get("events")
     if events is not None:
@@ -299,7 +298,7 @@ def _reduce(estimate: Estimate, drive: Drive, truth: AngleTrack | None, work: _W
         if work.detail is not None:
             work.detail.add_events(name, events.time, events.columns)
     if work.passes is None:
-        work.passes = pass_of(drive, track, name)
+        work.passes = pass_of(drive, estimate)
 
 
 def _statistics(radians: np.ndarray) -> dict[str, float]:

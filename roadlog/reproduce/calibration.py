@@ -92,7 +92,7 @@ def _rmse_deg(
     result = {}
     for angle, values in estimate.angles.items():
         true = np.interp(drive.time_ns, truth.time, truth.columns[angle])
-        use = (drive.time > SKIP) & estimate.usable & np.isfinite(values)
+        use = (drive.time > SKIP) & estimate.valid & np.isfinite(values)
         if use.any():
             result[angle] = float(np.degrees(np.sqrt(np.mean((values - true)[use] ** 2))))
     return result

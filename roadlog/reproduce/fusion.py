@@ -12,7 +12,7 @@ from roadlog import estimators
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
-from roadlog.log import AngleTrack
+from roadlog.estimate import Estimate
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
 from roadlog.reproduce import Claim, Reproduction, ResultTable, Row
 from roadlog.signals import TRUTH_TOPIC
@@ -110,7 +110,7 @@ def _run(
 ) -> None:
     """Add the metrics of every estimator that can run."""
     drive = Drive.from_tables(tables)
-    truth = AngleTrack.from_table(simulation.table(TRUTH_TOPIC))
+    truth = Estimate.from_table(simulation.table(TRUTH_TOPIC))
     for estimator in estimators.runnable(drive)[0]:
         if names is not None and estimator.name not in names:
             continue
@@ -118,9 +118,8 @@ def _run(
             estimate = estimators.run(estimator.name, drive, vehicle)
         except EstimatorError:
             continue  # the drive has not what the method needs, e.g. no stop
-        track = AngleTrack.of(estimate, drive)
         for angle in ANGLES:
-            errors = angle_errors(track, truth, angle)
+            errors = angle_errors(estimate, truth, angle)
             if errors is None:
                 continue
             metrics = angle_metrics(errors, angle)

@@ -110,7 +110,7 @@ def pass_of(
         return None
     time = _clock(drive, estimate)
     columns = _angles(estimate)
-    usable = estimate.usable & np.isfinite(columns["grade"]) & (columns["grade_sd"] > 0)
+    usable = estimate.valid & np.isfinite(columns["grade"]) & (columns["grade_sd"] > 0)
     slope = np.interp(drive.time, time[usable], columns["grade"][usable]) if usable.any() else 0.0
     speed = np.abs(np.nan_to_num(drive.speed)) * np.cos(slope)
     distance = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))]) * drive.dt

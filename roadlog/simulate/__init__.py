@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -191,3 +193,13 @@ def _tables(scenario: Scenario, motion: Motion, columns: Columns) -> list[Table]
 
 def _stamps(time: Floats) -> Stamps:
     return EPOCH_NS + np.round(time * 1e9).astype(np.int64)
+
+
+class _Module(ModuleType):
+    """`roadlog.simulate(...)` is `roadlog.simulate.simulate(...)`."""
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        return simulate(*arguments, **options)
+
+
+sys.modules[__name__].__class__ = _Module

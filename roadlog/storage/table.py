@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from roadlog.columnar import ByValue
 
-@dataclass(frozen=True)
-class Table:
+
+@dataclass(frozen=True, eq=False)
+class Table(ByValue):
     """Messages of one channel as columns.
 
     time: int64 nanoseconds since the epoch, log_time = publish_time = measurement time.

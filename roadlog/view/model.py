@@ -9,7 +9,8 @@ import numpy as np
 
 from roadlog.drive import Drive, stale_limit
 from roadlog.errors import ConfigError
-from roadlog.log import AngleTrack, DriveLog
+from roadlog.estimate import Estimate
+from roadlog.log import DriveLog
 from roadlog.metrics import AngleErrors, angle_errors
 from roadlog.signals import ANGLES
 from roadlog.types import Floats
@@ -90,12 +91,6 @@ class DriveView:
     texts: dict[str, str]
     notes: tuple[str, ...]
 
-    @property
-    def has_distance(self) -> bool:
-        """Whether there is a second axis to look along."""
-        groups = (self.truth, self.estimates, self.inputs)
-        return any(c.distance is not None for g in groups for d in g.values() for c in d.values())
-
 
 _WHEELS = ("fl", "fr", "rl", "rr")
 _INPUTS = {
@@ -148,9 +143,9 @@ def drive_view(
             error = None
             if run.truth is not None:
                 error = angle_errors(estimate, run.truth, angle, skip=0.0)
-            if error is not None and run.truth is not None:
+            if error is not None:
                 found.setdefault(angle, {})[label] = error
-                errors.setdefault(angle, {})[label] = _error_curve(run, run.truth, error)
+                errors.setdefault(angle, {})[label] = _error_curve(run, error)
     shown = {
         angle: tuple(curves) if estimators else _first(curves)
         for angle, curves in estimates.items()
@@ -223,16 +218,14 @@ def _by_angle(values: dict) -> dict:
     return {angle: values[angle] for angle in ANGLES if angle in values}
 
 
-def _angle_curve(run: Run, track: AngleTrack, angle: str) -> Curve:
-    time: Floats = np.multiply(track.time - run.drive.start_ns, 1e-9)
+def _angle_curve(run: Run, track: Estimate, angle: str) -> Curve:
     values = np.degrees(np.where(track.valid, track.angles[angle], np.nan))
-    return _on_clock(run, time, values, np.degrees(track.sd[angle]))
+    return _on_clock(run, track.time, values, np.degrees(track.sd[angle]))
 
 
-def _error_curve(run: Run, truth: AngleTrack, error: AngleErrors) -> Curve:
-    start = (int(truth.time[0]) - run.drive.start_ns) * 1e-9
+def _error_curve(run: Run, error: AngleErrors) -> Curve:
     values = np.where(error.valid, np.degrees(error.error), np.nan)
-    return _on_clock(run, error.time + start, values, np.degrees(error.sd))
+    return _on_clock(run, error.time, values, np.degrees(error.sd))
 
 
 def _on_clock(run: Run, own: Floats, values: Floats, sd: Floats) -> Curve:

@@ -9,7 +9,8 @@ import numpy as np
 
 from roadlog.drive import Drive
 from roadlog.errors import MissingSignalError, near
-from roadlog.log import AngleTrack, DriveLog
+from roadlog.estimate import Estimate
+from roadlog.log import DriveLog
 from roadlog.signals import INPUTS, TRUTH_TOPIC, estimate_topic, truth_topic
 from roadlog.storage import Table
 from roadlog.types import Floats
@@ -32,8 +33,8 @@ class Run:
     log: DriveLog
     drive: Drive
     distance: Floats | None
-    truth: AngleTrack | None
-    estimates: Mapping[str, AngleTrack]
+    truth: Estimate | None
+    estimates: Mapping[str, Estimate]
     tables: Mapping[str, Table] = field(repr=False)
 
     def labeled(self, name: str) -> str:
@@ -82,11 +83,14 @@ def _load(log: DriveLog, name: str, estimators: Sequence[str], rate: float) -> R
         log,
         drive,
         _distance(drive),
-        AngleTrack.from_table(true) if true is not None and len(true) else None,
+        Estimate.from_table(true, drive.start_ns) if true is not None and len(true) else None,
         {},
         tables,
     )
-    estimates = {run.labeled(e): AngleTrack.from_table(tables[estimate_topic(e)]) for e in wanted}
+    estimates = {
+        run.labeled(e): Estimate.from_table(tables[estimate_topic(e)], drive.start_ns, e)
+        for e in wanted
+    }
     return Run(name, log, drive, run.distance, run.truth, estimates, tables)
 
 

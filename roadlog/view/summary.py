@@ -83,7 +83,7 @@ def _metrics(runs: Sequence[Run], label: str, errors: AngleErrors, angle: str) -
     """The figures that `roadlog evaluate` gives."""
     run = next(run for run in runs if label in run.estimates)
     assert run.truth is not None
-    start = (run.estimates[label].time[0] - run.truth.time[0]) * 1e-9
+    start = run.estimates[label].time[0]
     counted = errors.time >= start + DEFAULT_SKIP
     fields = {f.name: getattr(errors, f.name)[counted] for f in dataclasses.fields(errors)}
     return angle_metrics(AngleErrors(**fields), angle)

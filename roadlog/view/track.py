@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadlog.estimate import Estimate
 from roadlog.geo import LocalPlane
-from roadlog.log import AngleTrack
 from roadlog.types import Floats
 from roadlog.view.colors import ordered
 from roadlog.view.runs import MOTION, Run
@@ -121,13 +121,12 @@ def best_angle(run: Run, angle: str) -> tuple[Floats, str]:
     return np.full(len(run.drive), np.nan), ""
 
 
-def at_times(run: Run, track: AngleTrack, angle: str) -> Floats:
+def at_times(run: Run, track: Estimate, angle: str) -> Floats:
     """rad, an angle at the drive's times, valid samples only; held over what is not."""
     known = track.valid & np.isfinite(track.angles[angle])
     if not known.any():
         return np.full(len(run.drive), np.nan)
-    own = np.multiply(track.time[known] - run.drive.start_ns, 1e-9)
-    return np.interp(run.drive.time, own, track.angles[angle][known])
+    return np.interp(run.drive.time, track.time[known], track.angles[angle][known])
 
 
 def _fixes(run: Run) -> tuple[Floats, Floats, Floats] | None:

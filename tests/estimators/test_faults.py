@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,6 @@ from roadlog import estimators
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import MAX_ANGLE, Estimate
-from roadlog.log import AngleTrack
 from roadlog.metrics import angle_errors
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.storage import Table
@@ -33,19 +33,17 @@ class Pass:
 
     def __init__(self) -> None:
         self.inputs, others, self.vehicle = faults.pass_drive()
-        self.truth = AngleTrack.from_table(next(t for t in others if t.topic == TRUTH_TOPIC))
+        truth = next(t for t in others if t.topic == TRUTH_TOPIC)
+        self.start_ns = int(self.inputs[0].time[0])
+        self.truth = Estimate.from_table(truth, self.start_ns)
         self.clean = run_all(self.inputs, self.vehicle)
 
     def error(self, estimate: Estimate, since: float) -> tuple[float, float]:
         """RMS error, deg, and share valid, of its first angle from `since` s on."""
         angle = next(a for a in estimate.angles if a in self.truth.angles)
-        start = int(self.inputs[0].time[0])
-        time = start + np.round(estimate.time * 1e9).astype(np.int64)
-        flags = np.zeros(len(time), np.uint32)
-        track = AngleTrack(time, estimate.angles, estimate.sd, estimate.usable, flags)
-        found = angle_errors(track, self.truth, angle)
-        late = found.valid & (found.time - start > since * 1e9)
-        share = float(estimate.usable[estimate.time > since].mean())
+        found = angle_errors(replace(estimate, start_ns=self.start_ns), self.truth, angle)
+        late = found.valid & (found.time > since)
+        share = float(estimate.valid[estimate.time > since].mean())
         rms = np.sqrt(np.mean(found.error[late] ** 2)) if late.any() else np.nan
         return float(np.degrees(rms)), share
 
@@ -67,7 +65,7 @@ def run_all(tables: Sequence[Table], vehicle: Vehicle, rate: float = 100.0) -> d
 
 def check(name: str, estimate: Estimate, drive: Drive) -> None:
     """Equal lengths, nothing infinite, what is valid is known and plausible."""
-    valid = estimate.usable
+    valid = estimate.valid
     assert len(estimate.time) == len(valid) == len(drive), name
     known = np.zeros(len(valid), np.bool_)
     for angle, values in estimate.angles.items():
@@ -157,7 +155,7 @@ def test_flags_rise_and_fall_with_a_gap(mountain: Pass, group: str, fault: fault
     silent = {}
     for name, estimate in found.items():
         inside = (estimate.time > faults.START + 0.5) & (estimate.time < fault.ends - 0.01)
-        quiet = (estimate.flags[inside] == 0) & estimate.usable[inside]
+        quiet = (estimate.flags[inside] == 0) & estimate.valid[inside]
         if quiet.any() and any(need.startswith(group) for need in estimators.get(name).needs):
             silent[name] = f"{quiet.mean():.3f} of the gap"
     assert not silent

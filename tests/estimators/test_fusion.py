@@ -15,7 +15,6 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators.fusion.speed import SpeedSource, gnss_delay
-from roadlog.log import AngleTrack
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
 from roadlog.signals import FLAGS, TRUTH_TOPIC
 from roadlog.simulate import simulate
@@ -24,10 +23,9 @@ from roadlog.storage import Table
 RIGID = Vehicle().with_values(pitch_gradient=0.0, roll_gradient=0.0)
 
 
-def metrics(tables: list[Table], estimate: Estimate, drive: Drive, angle: str) -> AngleMetrics:
+def metrics(tables: list[Table], estimate: Estimate, angle: str) -> AngleMetrics:
     truth = next(t for t in tables if t.topic == TRUTH_TOPIC)
-    angles = estimate.tables(drive, "fusion")[0]
-    errors = angle_errors(AngleTrack.from_table(angles), AngleTrack.from_table(truth), angle)
+    errors = angle_errors(estimate, Estimate.from_table(truth), angle)
     assert errors is not None
     return angle_metrics(errors, angle)
 
@@ -62,7 +60,7 @@ def with_gnss(tables: list[Table], delay: float = 0.0) -> list[Table]:
 
 def test_finds_the_grade_of_a_hill() -> None:
     tables = hill_tables(120.0)
-    grade = metrics(tables, *run(tables), "grade")
+    grade = metrics(tables, run(tables)[0], "grade")
     assert grade.std_deg is not None
     assert grade.std_deg < 0.06
     assert grade.within_2sd == 1.0
@@ -73,7 +71,7 @@ def test_shape_of_the_grade_on_simulated_roads(name: str) -> None:
     drive = simulate(name, seed=1)
     found = run(drive.tables, drive.vehicle)
     for angle in ("grade", "pitch"):
-        result = metrics(drive.tables, *found, angle)
+        result = metrics(drive.tables, found[0], angle)
         assert result.std_deg is not None
         assert result.std_deg < 0.06, angle
         assert result.within_2sd is not None
@@ -85,12 +83,12 @@ def test_gnss_makes_the_offset_known() -> None:
     tables = hill_tables(120.0)
     imu = tables[0]
     tables[0] = table("imu", imu.time, {**imu.columns, "accel_x": imu.columns["accel_x"] + 0.05})
-    alone, drive = run(tables)
-    assert abs(metrics(tables, alone, drive, "grade").bias_deg or 0) > 0.2
+    alone, _ = run(tables)
+    assert abs(metrics(tables, alone, "grade").bias_deg or 0) > 0.2
     assert np.all(alone.flags & FLAGS["uncertain"])  # type: ignore[operator]
     assert any("mean of grade" in note for note in alone.notes)
-    helped, drive = run(with_gnss(tables))
-    assert (metrics(tables, helped, drive, "grade").rmse_deg or 1) < 0.08
+    helped, _ = run(with_gnss(tables))
+    assert (metrics(tables, helped, "grade").rmse_deg or 1) < 0.08
     assert not any("mean of grade" in note for note in helped.notes)
     assert helped.grade_sd.mean() < 0.5 * alone.grade_sd.mean()
 
@@ -100,8 +98,8 @@ def test_an_antenna_elsewhere_does_not_tilt_the_imu(ahead: float) -> None:
     """In a slalom its course swings otherwise than the IMU's: nothing to bend the mounting for."""
     overrides = antenna_apart(ahead)
     tables = simulate("ryu2004-slalom", seed=11, overrides=overrides).tables
-    estimate, drive = run(tables, Vehicle())
-    assert (metrics(tables, estimate, drive, "grade").rmse_deg or 1) < 0.045
+    estimate, _ = run(tables, Vehicle())
+    assert (metrics(tables, estimate, "grade").rmse_deg or 1) < 0.045
     found = estimate.details["constants"].columns
     for name in ("mounting_pitch", "mounting_yaw"):
         assert abs(found[name][0]) < 2.0 * found[f"{name}_sd"][0], name
@@ -129,49 +127,49 @@ def test_late_and_wrong_speed_is_found() -> None:
     wheels = tables[1]
     late = {name: 1.02 * values for name, values in wheels.columns.items()}
     tables[1] = table("wheel_speeds", wheels.time + 100_000_000, late)
-    estimate, drive = run(tables)
+    estimate, _ = run(tables)
     constants = estimate.details["constants"].columns
     assert constants["speed_scale"][0] == pytest.approx(0.02, abs=0.003)
-    assert (metrics(tables, estimate, drive, "grade").rmse_deg or 1) < 0.1
+    assert (metrics(tables, estimate, "grade").rmse_deg or 1) < 0.1
 
 
 def test_speed_gaps_cost_little() -> None:
     """Five seconds without speed in every twenty."""
     tables = hill_tables(120.0)
-    whole = metrics(tables, *run(tables), "grade").std_deg
+    whole = metrics(tables, run(tables)[0], "grade").std_deg
     for start in range(10, 110, 20):
         tables[1] = without(tables[1], start, start + 5.0)
-    estimate, drive = run(tables)
-    assert (metrics(tables, estimate, drive, "grade").std_deg or 1) < (whole or 0) + 0.02
+    estimate, _ = run(tables)
+    assert (metrics(tables, estimate, "grade").std_deg or 1) < (whole or 0) + 0.02
     missing = (estimate.flags & FLAGS["missing"]) > 0  # type: ignore[operator]
-    assert not missing[drive.time < 9.9].any()
-    away = np.minimum(np.abs(drive.time - 10.0), np.abs(drive.time - 15.0)) < 1.0
+    assert not missing[estimate.time < 9.9].any()
+    away = np.minimum(np.abs(estimate.time - 10.0), np.abs(estimate.time - 15.0)) < 1.0
     assert not missing[away].any()  # smoothed across up to 3 s from the next sample
 
 
 def test_imu_gap_is_left_out_and_flagged() -> None:
     tables = hill_tables(120.0)
-    whole = metrics(tables, *run(tables), "grade").std_deg
+    whole = metrics(tables, run(tables)[0], "grade").std_deg
     tables[0] = without(tables[0], 50.0, 53.0)
-    estimate, drive = run(tables)
-    gap = (drive.time > 50.05) & (drive.time < 52.95)
+    estimate, _ = run(tables)
+    gap = (estimate.time > 50.05) & (estimate.time < 52.95)
     assert np.isnan(estimate.grade[gap]).all()
-    assert not estimate.usable[gap].any()
-    edges = (np.abs(drive.time - 49.0) < 0.5) | (np.abs(drive.time - 54.0) < 0.5)
+    assert not estimate.valid[gap].any()
+    edges = (np.abs(estimate.time - 49.0) < 0.5) | (np.abs(estimate.time - 54.0) < 0.5)
     assert np.all(estimate.flags[edges] & FLAGS["converging"])  # type: ignore[index]
-    assert (metrics(tables, estimate, drive, "grade").std_deg or 1) < (whole or 0) + 0.02
+    assert (metrics(tables, estimate, "grade").std_deg or 1) < (whole or 0) + 0.02
 
 
 def test_slip_bursts_lose_their_weight() -> None:
     """+20 % of wheel speed for 0.5 s every 10 s changes the grade by less than 0.01 deg."""
     tables = hill_tables(120.0)
-    whole = metrics(tables, *run(tables), "grade").rmse_deg
+    whole = metrics(tables, run(tables)[0], "grade").rmse_deg
     wheels = tables[1]
     since = (wheels.time - wheels.time[0]) * 1e-9
     slipping = np.where(np.abs(since % 10 - 5) < 0.25, 1.2, 1.0)
     columns = {name: slipping * values for name, values in wheels.columns.items()}
     tables[1] = table("wheel_speeds", wheels.time, columns)
-    assert metrics(tables, *run(tables), "grade").rmse_deg == pytest.approx(whole, abs=0.01)
+    assert metrics(tables, run(tables)[0], "grade").rmse_deg == pytest.approx(whole, abs=0.01)
 
 
 @pytest.mark.parametrize("gnss", [False, True])
@@ -181,9 +179,9 @@ def test_comma2k19_minute(shared: Path, gnss: bool) -> None:
     tables = ingest([shared / "comma2k19"]).tables
     if not gnss:
         tables = [t for t in tables if not t.topic.startswith("/gnss")]
-    estimate, drive = run(tables, Vehicle())
-    grade = metrics(tables, estimate, drive, "grade")
-    inclination = metrics(tables, estimate, drive, "inclination")
+    estimate, _ = run(tables, Vehicle())
+    grade = metrics(tables, estimate, "grade")
+    inclination = metrics(tables, estimate, "inclination")
     assert (grade.std_deg or 1) < 0.155
     assert (grade.within_2sd or 0) > 0.9
     if gnss:

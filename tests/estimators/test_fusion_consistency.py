@@ -70,5 +70,5 @@ def test_a_crooked_imu_is_turned() -> None:
     assert yaw == pytest.approx(5.0 + own, abs=0.15)
     truth = simulation.table(TRUTH_TOPIC)
     error = estimate.grade - np.interp(drive.time_ns, truth.time, truth.columns["grade"])
-    use = (drive.time > 5) & estimate.usable
+    use = (drive.time > 5) & estimate.valid
     assert np.degrees(np.sqrt(np.mean(error[use] ** 2))) < 0.08

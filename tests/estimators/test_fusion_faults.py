@@ -20,7 +20,6 @@ from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.speed import gnss_delay, speed_source
 from roadlog.estimators.fusion.steps import Fix, grid
 from roadlog.estimators.fusion.torque import torque_bias
-from roadlog.log import AngleTrack
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
 from roadlog.signals import FLAGS, TRUTH_TOPIC
 from roadlog.simulate import Simulation, simulate
@@ -58,11 +57,10 @@ def run(
     ]
     drive = Drive.from_tables(tables)
     estimate = estimators.run("fusion", drive, vehicle or simulation.vehicle)
-    track = AngleTrack.of(estimate, drive)
-    truth = AngleTrack.from_table(simulation.table(TRUTH_TOPIC))
+    truth = Estimate.from_table(simulation.table(TRUTH_TOPIC))
     figures = {}
     for angle in FUSION.gives:
-        errors = angle_errors(track, truth, angle)
+        errors = angle_errors(estimate, truth, angle)
         assert errors is not None
         figures[angle] = angle_metrics(errors, angle)
     return estimate, figures, drive
@@ -318,13 +316,13 @@ def constant_drive(noise: float, frozen: slice = slice(0)) -> Drive:
 
 def test_an_imu_that_repeats_itself_is_not_believed() -> None:
     estimate = estimators.run("fusion", constant_drive(0.01, slice(2000, 3000)), Vehicle())
-    assert not estimate.usable[2100:2900].any()
-    assert estimate.usable[3200:].all()
+    assert not estimate.valid[2100:2900].any()
+    assert estimate.valid[3200:].all()
 
 
 def test_exact_numbers_are_no_frozen_sensor() -> None:
     estimate = estimators.run("fusion", constant_drive(0.0), Vehicle())
-    assert estimate.usable.all()
+    assert estimate.valid.all()
     assert estimate.inclination[3000] == pytest.approx(np.arcsin(0.5 / G), abs=np.radians(0.05))
 
 
@@ -332,5 +330,5 @@ def test_impossible_samples_are_left_out() -> None:
     drive = constant_drive(0.01)
     drive.native["imu"].columns["accel_x"][25::50] = 500.0  # m/s2
     estimate = estimators.run("fusion", drive, Vehicle())
-    assert estimate.usable.all()
+    assert estimate.valid.all()
     assert estimate.inclination[3000] == pytest.approx(np.arcsin(0.5 / G), abs=np.radians(0.05))

@@ -407,7 +407,7 @@ def test_events_and_windows_are_in_the_log(tmp_path: Path) -> None:
     parts = tables(v, a, np.arctan(0.05), 0.01)
     log = create(tmp_path / "stops.mcap", parts)
     drive = log.drive()
-    log.write([run("static_slope", drive, Vehicle())], drive, engine="compiled")
+    log.write([run("static_slope", drive, Vehicle())])
     stored, windows = log.detail("static_slope", "events"), log.detail("static_slope", "windows")
     assert stored is not None
     assert windows is not None

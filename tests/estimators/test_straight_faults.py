@@ -164,7 +164,7 @@ def test_results_survive_the_log(method: str, tmp_path) -> None:
     drive = drive_with()
     log = create(tmp_path / "hill.mcap", hill_tables())
     estimate = estimators.run(method, drive, CAR)
-    log.write([estimate], drive, engine="compiled")
+    log.write([estimate])
     for name, detail in estimate.details.items():
         table = log.detail(method, name)
         assert table is not None

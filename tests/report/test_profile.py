@@ -1,11 +1,13 @@
 """Road profiles: passes over the same road line up, add up by their variance, and stay honest."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.drives import EPOCH_NS, table
 
 from roadlog.drive import Drive
-from roadlog.log import AngleTrack
+from roadlog.estimate import Estimate
 from roadlog.report.road import EARTH_RADIUS, STEP, Pass, RoadMerger, pass_of
 
 LATITUDE, LONGITUDE = 48.0, 11.0
@@ -146,12 +148,11 @@ def test_pass_of_a_drive() -> None:
         table("gnss", stamps, {"latitude": latitude, "longitude": longitude}),
     ]
     drive = Drive.from_tables(tables)
-    time = drive.time_ns
     grade = true_grade(15.0 * drive.time)
     valid = drive.time > 10.0
     sd = np.full(len(grade), 0.01)
-    track = AngleTrack(time, {"grade": grade}, {"grade": sd}, valid, np.zeros(len(time), np.uint32))
-    found = pass_of(drive, track, "fusion")
+    estimate = Estimate(drive.time, {"grade": grade}, {"grade": sd}, valid, name="fusion")
+    found = pass_of(drive, estimate)
     assert found is not None
     assert abs(len(found.grade) - 50.0 * 15.0 / STEP) <= 2
     at = found.distance
@@ -161,5 +162,4 @@ def test_pass_of_a_drive() -> None:
     again = Pass.from_bytes(found.to_bytes())
     assert again.estimator == "fusion"
     np.testing.assert_allclose(again.grade, found.grade, atol=1e-7)
-    no_sd = AngleTrack(time, {"grade": grade}, {"grade": sd * np.nan}, valid, track.flags)
-    assert pass_of(drive, no_sd, "x") is None
+    assert pass_of(drive, replace(estimate, sd={})) is None

@@ -88,6 +88,6 @@ def test_a_log_that_another_program_writes_to(hill_log: Path, hill_drive: Drive)
 
     before = hill_log.read_bytes()
     with pytest.raises(LogWriteError, match="another program"):
-        log.write(appended(), hill_drive, engine="compiled", names=["incl_kinematic"])
+        log.write(appended(), names=["incl_kinematic"])
     assert hill_log.read_bytes() == before + b"more"
     assert [path.name for path in hill_log.parent.iterdir()] == [hill_log.name]

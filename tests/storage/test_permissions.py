@@ -22,5 +22,5 @@ def test_permissions_are_the_users_and_stay(tmp_path: Path, hill_drive: Drive) -
     assert path.stat().st_mode & 0o777 == 0o640
     path.chmod(0o600)
     estimate = estimators.run("incl_kinematic", hill_drive, log.vehicle)
-    log.write([estimate], hill_drive, engine="compiled")
+    log.write([estimate])
     assert path.stat().st_mode & 0o777 == 0o600

@@ -25,11 +25,10 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A sample log into which results were put, for the second time."""
     path = tmp_path_factory.mktemp("readers") / "slalom.mcap"
     shutil.copy(ROOT / "sample_logs" / "slalom.mcap", path)
-    drive = roadlog.open(path).drive()
     for names in (["incl_kinematic", "ls_attitude"], ["ls_attitude"]):
         opened = roadlog.open(path)
         estimates = [opened.estimate(name) for name in names]
-        opened.write(estimates, drive, engine="compiled", names=names)
+        opened.write(estimates, names=names)
     return path
 
 

@@ -153,7 +153,7 @@ def test_only_the_drive_that_was_read_gets_its_results(
     change(hill_log)
     there = hill_log.read_bytes() if hill_log.exists() else None
     with pytest.raises((LogWriteError, LogReadError)):
-        log.write([estimate], hill_drive, engine="compiled", in_place=in_place)
+        log.write([estimate], in_place=in_place)
     assert (hill_log.read_bytes() if hill_log.exists() else None) == there
     assert len(list(hill_log.parent.iterdir())) == (there is not None)
 
@@ -174,7 +174,7 @@ def test_what_changes_while_it_is_written(
         yield estimate
 
     with pytest.raises(LogWriteError):
-        log.write(made(), hill_drive, engine="compiled", names=[METHOD])
+        log.write(made(), names=[METHOD])
     assert (hill_log.read_bytes() if hill_log.exists() else None) == there
 
 
@@ -205,7 +205,7 @@ def test_results_of_another_run_do_not_make_it_another_drive(
     log, other = DriveLog(hill_log), DriveLog(hill_log)
     for which, name in ((other, "ls_window"), (log, METHOD)):
         estimate = estimators.run(name, hill_drive, log.vehicle)
-        which.write([estimate], hill_drive, engine="compiled", in_place=in_place)
+        which.write([estimate], in_place=in_place)
     assert DriveLog(hill_log).estimators == [METHOD, "ls_window"]
 
 

@@ -47,6 +47,9 @@ def made_up(name: str, drive: Drive, truth: Table) -> Estimate:
         notes=["made up"],
         name=name,
         parameters={"smooth": False},
+        start_ns=drive.start_ns,
+        engine="compiled",
+        inputs=tuple(drive.signals),
     )
 
 
@@ -85,5 +88,5 @@ def make_log(
     made = create(path, tables if truth else [t for t in tables if t is not true])
     drive = made.drive()
     if names:
-        made.write([made_up(n, drive, true) for n in names], drive, engine="compiled")
+        made.write([made_up(n, drive, true) for n in names])
     return DriveLog(path)
