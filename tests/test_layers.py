@@ -13,8 +13,8 @@ from support.drives import ROOT
 # what is above it in a reader's mind (estimators, ingest, both imported when asked for), so it
 # stands on them.
 LAYERS = (
-    ("errors", "types", "version"),
-    ("toml", "units", "signals", "columnar", "memory", "files", "extras", "plugins", "csv_text"),
+    ("errors", "types", "version", "signals"),
+    ("toml", "units", "columnar", "memory", "files", "extras", "plugins", "csv_text"),
     ("spool", "geo", "rotation", "stamps"),
     ("storage",),
     ("drive", "location_fix"),
@@ -66,8 +66,12 @@ TREES = {name: ast.parse(path.read_bytes()) for name, path in MODULES.items()}
 
 
 def imports(name: str, top: bool) -> Iterator[str]:
-    """Modules of roadlog that a module imports; `top`: when it is itself imported."""
-    for node in _run_on_import(TREES[name]) if top else ast.walk(TREES[name]):
+    """Modules of roadlog that run when a module does; `top`: when it is itself imported.
+
+    A name that is only in an annotation (`TYPE_CHECKING`) runs nothing.
+    """
+    body = list(_run_on_import(TREES[name]))
+    for node in body if top else [inner for part in body for inner in ast.walk(part)]:
         if isinstance(node, ast.Import):
             yield from (_module(alias.name) for alias in node.names if _is_own(alias.name))
         elif isinstance(node, ast.ImportFrom) and _is_own(node.module or ""):
