@@ -23,7 +23,7 @@ import numpy as np
 from roadlog import estimators
 from roadlog.car.vehicle import Source, Vehicle
 from roadlog.errors import EstimatorError
-from roadlog.log import AngleTrack, DriveLog, create
+from roadlog.log import DriveLog, create
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
 from roadlog.signals import ANGLES, FLAGS
 from roadlog.simulate import Scenario, simulate
@@ -262,7 +262,7 @@ def estimated(seed: int, folder: Path, names: tuple[str, ...] = ()) -> list[Row]
         except EstimatorError as error:
             print(f"seed {seed}: {error}", file=sys.stderr)
             continue
-        track = AngleTrack.of(estimate, drive)
+        track = estimate
         for angle in ANGLES:
             errors = angle_errors(track, truth, angle)
             if errors is not None and errors.valid.any():
