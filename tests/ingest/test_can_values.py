@@ -287,5 +287,5 @@ def test_a_multi_frame_answer_with_a_hole_is_a_loss():
 
 
 def test_nothing_decoded_names_the_bus(tmp_path):
-    with pytest.raises(LogReadError, match=r"seen: can0 0x65 \(1\), can1 0x66 \(1\)"):
+    with pytest.raises(LogReadError, match=r"seen: 0x65 \(1 on can0\), 0x66 \(1 on can1\)"):
         decoded(tmp_path, [(0, "can0", 0x65, b"1"), (1, "can1", 0x66, b"1")])

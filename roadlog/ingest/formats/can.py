@@ -138,7 +138,7 @@ class Decoder:
         heard = sorted(self._heard.values(), key=lambda h: (h.identifier, h.bus))
         unknown = [h for h in heard if h.stream is None and not (h.answers and h.answers.any)]
         several = len({h.bus for h in heard}) > 1
-        said = [f"{f'{h.bus} ' if several else ''}{h.shown} ({h.count})" for h in unknown]
+        said = [f"{h.shown} ({h.count}{f' on {h.bus}' if several else ''})" for h in unknown]
         if not found:
             shown = ", ".join(said[:SHOWN]) + (", ..." if len(said) > SHOWN else "")
             none = "the DBC knows none of its identifiers"
