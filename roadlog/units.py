@@ -46,6 +46,9 @@ UNITS: dict[str, tuple[str, float]] = {
     "kN m": ("torque", 1e3),
 }
 
+# units of a slope: its tangent in parts
+SLOPES = {"%": 0.01, "‰": 0.001, "m/m": 1.0}
+
 # how a column may write the time besides a number of a unit: of the day, days since 1899-12-30
 # (spreadsheets) and since the year 0 (MATLAB), and a date as one number
 CLOCK_FORMS = ("hhmmss", "excel", "datenum", "yyyymmddhhmmss")
@@ -71,6 +74,35 @@ _SPELLINGS = {
     "N·m": "N m",
     "kNm": "kN m",
     "percent": "%",
+    "prozent": "%",
+    "pct": "%",
+    "G": "g",
+    "grad": "deg",
+    "Grad": "deg",
+    "grad/s": "deg/s",
+    "°/sec": "deg/s",
+    "deg/sec": "deg/s",
+    "degree/s": "deg/s",
+    "degrees/s": "deg/s",
+    "rad/sec": "rad/s",
+    "m/sec": "m/s",
+    "m/s/s": "m/s^2",
+    "m/sec^2": "m/s^2",
+    "m/s^2": "m/s^2",
+    "Km/h": "km/h",
+    "KM/H": "km/h",
+    "km/hr": "km/h",
+    "MPH": "mph",
+    "mi/h": "mph",
+    "miles/h": "mph",
+    "kt": "kn",
+    "kts": "kn",
+    "1/min": "rpm",
+    "U/min": "rpm",
+    "Metres": "m",
+    "metres": "m",
+    "N.m": "N m",
+    "N-m": "N m",
     "sec": "s",
     "seconds": "s",
     "meter": "m",

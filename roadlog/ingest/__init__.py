@@ -159,7 +159,8 @@ def open_source(path: Path, profile: Profile | None, dbc: Sequence[Path]) -> Sou
         found = format_of(path)
         if found is None:
             raise LogReadError(f"{path}: is of no known format; {understood()}")
-        return Source(path, found, profile or _own_profile(found, path, dbc))
+        meant = profile or _own_profile(found, path, dbc)
+        return Source(path, found, meant.for_file(path.name))
 
 
 def _own_profile(format_: Format, path: Path, dbc: Sequence[Path]) -> Profile:

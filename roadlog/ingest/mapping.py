@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from roadlog.errors import ConfigError, LogReadError, near
 from roadlog.ingest.frame import Frame
 from roadlog.ingest.grid import BURST, Signals, one_grid
-from roadlog.ingest.profile import AbsentError, Entry, Profile, find
+from roadlog.ingest.profile import AbsentError, Entry, Profile, find, is_slope
 from roadlog.signals import AXES, SECTIONS, SIGNALS, Section
 from roadlog.spool import Spool, blocks, release
 from roadlog.storage import Table, schemas
 from roadlog.types import Bools, Floats, Stamps
-from roadlog.units import to_si
+from roadlog.units import SLOPES, to_si
 
 SLOW_SECTIONS = ("speed", "gnss", "barometer")  # of devices that fast tables repeat
 REPEATS = 5  # rows; a value that typically stays this long is held, not measured anew
@@ -137,7 +137,8 @@ def tables(found: Signals) -> list[Table]:
 def _samples(entry: Entry, frame: Frame, column: str) -> tuple[Stamps, Floats]:
     """Stamps and SI values of one entry; NaN where invalid."""
     expected = SIGNALS[entry.role].unit
-    factor = to_si(entry.unit, expected) if entry.unit else 1.0
+    slope = SLOPES.get(entry.unit) if is_slope(entry.role) else None
+    factor = slope or (to_si(entry.unit, expected) if entry.unit else 1.0)
     if entry.valid is not None and entry.valid.name not in frame.columns:
         raise ConfigError(
             f"{entry.role}: valid needs '{entry.valid.name}' in the same message as "
@@ -150,6 +151,8 @@ def _samples(entry: Entry, frame: Frame, column: str) -> tuple[Stamps, Floats]:
         with np.errstate(over="ignore", invalid="ignore"):  # what is beyond a float is unknown
             numbers = _numbers(raw[rows], entry.role)
             values: Floats = (numbers * entry.scale + entry.offset) * factor
+            if slope:
+                values = np.arctan(values)
         values[~np.isfinite(values)] = np.nan
         if entry.valid is not None and flag is not None:
             values[~entry.valid.holds(_numbers(flag[rows], entry.role))] = np.nan

@@ -20,7 +20,7 @@ from roadlog.errors import ConfigError, near
 from roadlog.ingest.frame import Frame
 from roadlog.signals import AXES, SECTIONS
 from roadlog.types import Bools, Floats
-from roadlog.units import CLOCK_FORMS, to_si
+from roadlog.units import CLOCK_FORMS, SLOPES, to_si
 
 CLOCKS = ("log", "publish", "header")
 TIME_KEYS = ("column", "unit", "clock", "zone")
@@ -94,8 +94,9 @@ class Profile:
     """A checked profile.
 
     entries: section -> field -> entry. mounts: section -> rotation matrix, vehicle = R @ sensor.
-    family: it comes with roadlog and describes a kind of source, whose members need not have all
-    of its signals; a user's own file means every line of it.
+    clocks: file pattern -> clock, where files differ ([[time]]), the first that fits; clock: of
+    all others. family: it comes with roadlog and describes a kind of source, whose members need
+    not have all of its signals; a user's own file means every line of it.
     """
 
     name: str
@@ -104,6 +105,12 @@ class Profile:
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
     mounts: Mapping[str, Floats] = field(default_factory=dict)
     family: bool = False
+    clocks: tuple[tuple[str, Clock], ...] = ()
+
+    def for_file(self, name: str) -> Profile:
+        """The same on the clock of one source file."""
+        found = (clock for pattern, clock in self.clocks if fnmatch(name, pattern))
+        return replace(self, clock=next(found, self.clock))
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Profile:
@@ -128,7 +135,7 @@ class Profile:
         """Parse a profile's text. An unknown key, role or unit is a ConfigError that names it."""
         where = where or f"profile {name}"
         document = toml.loads(text, where)
-        clock = _clock(document.pop("time", {}), where)
+        clocks = _clocks(document.pop("time", {}), where)
         entries: dict[str, dict[str, Entry]] = {}
         mounts: dict[str, Floats] = {}
         for section, table in document.items():
@@ -150,7 +157,9 @@ class Profile:
             }
         if not any(entries.values()):
             raise ConfigError(f"{where}: maps no signal; see `roadlog profile new --help`")
-        return cls(name, text, clock, entries, mounts)
+        clock = dict(clocks).get("", Clock())
+        per_file = tuple((pattern, clock) for pattern, clock in clocks if pattern)
+        return cls(name, text, clock, entries, mounts, clocks=per_file)
 
     @property
     def names(self) -> set[str]:
@@ -291,6 +300,20 @@ def _from_rpy(roll: float, pitch: float, yaw: float) -> Floats:
     )
 
 
+def _clocks(time: Any, where: str) -> list[tuple[str, Clock]]:
+    """File pattern, empty for all, and clock: `[time]`, or `[[time]]` with `file` each."""
+    if not isinstance(time, list):
+        return [("", _clock(time, where))]
+    found = []
+    for table in time:
+        own = dict(table) if isinstance(table, dict) else {}
+        pattern = own.pop("file", "")
+        if not isinstance(pattern, str) or not isinstance(table, dict):
+            raise ConfigError(f'{where}: each [[time]] needs file = "..." and its keys')
+        found.append((pattern, _clock(own, where)))
+    return found
+
+
 def _clock(table: Any, where: str) -> Clock:
     here = f"{where}: [time]"
     if not isinstance(table, dict):
@@ -331,9 +354,9 @@ def _entry(role: str, value: Any, section: Any, where: str) -> Entry:
         raise ConfigError(f"{where}: from is missing")
     expected = next(s.unit for s in section.signals if s.role == role)
     unit = value.get("unit", "")
-    if unit:
+    if unit and not (unit in SLOPES and is_slope(role)):
         _factor(unit, expected, where)
-    elif expected != "-":
+    elif not unit and expected != "-":
         raise ConfigError(f"{where}: unit is missing (roadlog keeps it in {expected})")
     return Entry(
         role,
@@ -345,6 +368,11 @@ def _entry(role: str, value: Any, section: Any, where: str) -> Entry:
         _delay(value["delay"], where) if "delay" in value else 0.0,
         _condition(value["valid"], where) if "valid" in value else None,
     )
+
+
+def is_slope(role: str) -> bool:
+    """Whether a signal is a slope or its sd, which may be in percent."""
+    return role.startswith(("truth.grade", "truth.bank"))
 
 
 def _delay(value: Any, where: str) -> float:

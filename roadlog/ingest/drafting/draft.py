@@ -6,6 +6,8 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from roadlog.ingest.frame import Frame
 from roadlog.ingest.profile import Clock
 from roadlog.signals import SIGNALS
@@ -43,20 +45,18 @@ class Guess:
 class Draft:
     """The profile as it grows."""
 
-    clock: Clock
+    clocks: dict[str, Clock]  # of each table, by file
     frames: list[Frame]
     guesses: list[Guess] = field(default_factory=list)
     mount: str = ""
     notes: list[str] = field(default_factory=list)  # on [imu]
     head: list[str] = field(default_factory=list)
+    tail: list[str] = field(default_factory=list)
 
     def toml(self) -> str:
         """The text."""
         lines = [_remark(line) for line in self.head]
-        keys = {"column": self.clock.column, "unit": self.clock.unit}
-        if any(keys.values()):
-            lines += ["", "[time]"]
-            lines += [f"{key} = {_text(value)}" for key, value in keys.items() if value]
+        lines += self._time()
         order = list(SIGNALS)
         sections: dict[str, list[Guess]] = {}
         for guess in sorted(self.guesses, key=lambda g: order.index(g.role)):
@@ -70,14 +70,28 @@ class Draft:
         used = {(id(g.frame), g.column) for g in self.guesses}
         used |= {(id(g.frame), g.valid.partition(" ==")[0]) for g in self.guesses if g.valid}
         over = [
-            f"{frame.name}.{c}" if frame.name else c
+            f"  {frame.name}.{c}{_range(frame, c)}" if frame.name else f"  {c}{_range(frame, c)}"
             for frame in self.frames
             for c in frame.columns
             if (id(frame), c) not in used
         ]
         if over:
-            lines += ["", "# not used:", *(_remark(f"  {name}") for name in over)]
+            lines += ["", "# not used:", *map(_remark, over)]
+        if self.tail:
+            lines += ["", *map(_remark, self.tail)]
         return "\n".join(lines).lstrip("\n") + "\n"
+
+    def _time(self) -> list[str]:
+        """`[time]`, or `[[time]]` for each file where they differ."""
+        clocks = {file: clock for file, clock in self.clocks.items() if clock != Clock()}
+        if len(set(self.clocks.values())) == 1:
+            clocks = dict.fromkeys([""] * bool(clocks), next(iter(self.clocks.values())))
+        lines = []
+        for file, clock in clocks.items():
+            keys = {"file": file, "column": clock.column, "unit": clock.unit}
+            lines += ["", "[[time]]" if file else "[time]"]
+            lines += [f"{key} = {_text(value)}" for key, value in keys.items() if value]
+        return lines
 
     def _source(self, guess: Guess) -> str:
         name = f"{guess.frame.name}.{guess.column}" if guess.frame.name else guess.column
@@ -95,6 +109,16 @@ class Draft:
                 doubts = (*guess.doubts, str(doubt)) if doubt and first else guess.doubts
                 self.guesses[k] = replace(guess, doubts=doubts, **changes)  # type: ignore[arg-type]
                 first = False
+
+
+def _range(frame: Frame, column: str) -> str:
+    """What a column holds, for who must tell what it is."""
+    values = frame.columns[column]
+    if values.dtype.kind not in "bifu" or not np.isfinite(values).any():
+        return ""
+    unit = frame.units.get(column, "")
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    return f"  ({low:.4g} to {high:.4g}{f' {unit}' if unit else ''})"
 
 
 def _remark(text: str) -> str:

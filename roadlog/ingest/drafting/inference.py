@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -49,16 +50,31 @@ def by_data(draft: Draft) -> None:
     _mount(draft, state)
     for guess in [g for g in draft.guesses if not g.stated and not g.doubts]:
         draft.put([guess.role], doubt=f"nothing states the unit: {guess.unit} is assumed")
+    _feeds(draft)
+
+
+def _feeds(draft: Draft) -> None:
+    """Which estimators the profile feeds, as the last lines."""
+    from roadlog.estimators import runnable
+
+    drive = _drive(draft)
+    able = [estimator.name for estimator in runnable(drive)[0]] if drive is not None else []
+    what = f"feeds: {', '.join(able)}" if able else "feeds no estimator: see `roadlog estimators`"
+    draft.tail += textwrap.wrap(what, 96, subsequent_indent="  ")
 
 
 def _state(draft: Draft) -> motion.Examination | None:
-    """The drive through the draft as it is, without validity of what is not in it."""
+    drive = _drive(draft)
+    return None if drive is None else motion.Examination(Evidence.of(drive))
+
+
+def _drive(draft: Draft) -> Drive | None:
+    """The drive through the draft as it is; None, and a line, where it cannot be looked at."""
     try:
         profile = Profile.from_toml(draft.toml(), "draft")
         located, _ = mapping.locate(profile, draft.frames)
         tables = mapping.tables(one_grid(mapping.signals(profile, located)[0])[0])
-        inputs = [t for t in tables if not t.topic.startswith("/truth")]
-        return motion.Examination(Evidence.of(Drive.from_tables(inputs)))
+        return Drive.from_tables([t for t in tables if not t.topic.startswith("/truth")])
     except RoadlogError as error:
         draft.head.append(f"The data could not be looked at: {error}")
         return None
@@ -70,21 +86,22 @@ def _speeds(draft: Draft, state: motion.Examination) -> None:
     Weaker evidence than a check needs: here one of a few units must be chosen.
     """
     evidence = state.evidence
-    for role in ("speed.v", "gnss.speed"):
-        stated = any(g.stated for g in draft.guesses if g.role == role)
-        if role not in evidence or stated or any(role in f.signals for f in state.found):
+    for name, speed in evidence.speeds().items():
+        roles = [g.role for g in draft.guesses if g.role == name or g.role.startswith(f"{name}.")]
+        stated = any(g.stated for g in draft.guesses if g.role in roles)
+        if not roles or stated or any(role in f.signals for f in state.found for role in roles):
             continue
-        slope = evidence.band(evidence.slope(evidence[role]))
+        slope = evidence.band(evidence.slope(speed))
         accel = [f"imu.accel_{axis}" for axis in AXES]
-        bands = [evidence.band(evidence[name]) for name in accel if name in evidence]
+        bands = [evidence.band(evidence[axis]) for axis in accel if axis in evidence]
         found = [correlation(slope, band, evidence.rate) for band in bands]
         r, ratio = max(found, key=lambda pair: abs(pair[0]), default=(0.0, 1.0))
         if abs(r) < FOLLOWS:
             continue
         size = abs(r) * ratio  # m/s2 for each unit of speed a second, by regression
         unit = min(("m/s", *speeds.SPEED_UNITS), key=lambda u: abs(np.log(size / UNITS[u][1])))
-        draft.put([role], unit=unit, doubt=f"the accelerations say that it is {unit}")
-        state.scale((role,), UNITS[unit][1])
+        draft.put(roles, unit=unit, doubt=f"the accelerations say that it is {unit}")
+        state.scale(tuple(roles), UNITS[unit][1])
 
 
 def _findings(draft: Draft, state: motion.Examination) -> None:

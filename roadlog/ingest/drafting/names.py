@@ -6,12 +6,25 @@ import re
 from contextlib import suppress
 
 from roadlog.errors import ConfigError
+from roadlog.ingest.drafting.vocabulary import (
+    AROUND,
+    NAMES,
+    OTHER,
+    REFERENCES,
+    SATELLITE,
+    TRUE,
+    WORDED,
+)
+from roadlog.ingest.formats.text import plain
 from roadlog.ingest.frame import Frame
-from roadlog.signals import AXES
-from roadlog.units import UNITS, canonical
+from roadlog.signals import SIGNALS
+from roadlog.units import SLOPES, UNITS, canonical
 
 TIME = re.compile(
-    r"^(?:log_?|gps_?|utc_?|epoch_?|unix_?|sys_?|device_?)*(?:t|time|timestamp|epoch)"
+    r"(?:log|gps|utc|epoch|unix|sys|device|system|elapsed|mess|lauf|uhr|abs|rel|sample)*"
+    r"(?:t|time|timestamp|timestamps|epoch|zeit|zeitstempel|stempel|zeitpunkt|uhrzeit|temps|tiempo"
+    r"|tempo|hora|clock|seconds|secs|sec|elapsed|runtime|timeofday|tod|tow)"
+    r"(?:utc|s|ms|us|ns|sec|hms|stamp|local|relative|absolute|elapsed|rel|abs|since\w*)?"
 )
 
 # endings of names, and the units that they may mean
@@ -38,10 +51,13 @@ _ENDINGS = {
     "kt": ["kn"],
     "knots": ["kn"],
     "deg": ["deg"],
+    "grad": ["deg"],
     "rad": ["rad"],
     "percent": ["%"],
     "pct": ["%"],
+    "prozent": ["%"],
     "m": ["m"],
+    "mm": ["mm"],
     "meters": ["m"],
     "ft": ["ft"],
     "nm": ["N m"],
@@ -49,88 +65,135 @@ _ENDINGS = {
     "sec": ["s"],
     "us": ["us"],
     "ns": ["ns"],
+    "rpm": ["rpm"],
 }
-_CORNERS = {
-    "fl": r"fl|lf|front_?left|left_?front",
-    "fr": r"fr|rf|front_?right|right_?front",
-    "rl": r"rl|lr|rear_?left|left_?rear",
-    "rr": r"rr|rear_?right|right_?rear",
-}
-_ACCEL = r"(?:^|_)(?:a|acc|accel|acceleration|accelerometer|specific_force|f|g_?f)"
-_GYRO = (
-    r"(?:^|_)(?:w|g|gyr|gyro|gyroscope|omega|angular_?(?:rate|velocity)|rotation_?rate|"
-    r"ang_?(?:rate|vel))"
-)
-_SPEED = r"(?:^|_)(?:v|vel|velocity|spd|speed)(?:_x)?$|^(?:veh|vehicle)(?:spd|speed)$"
-_NAMED: dict[str, str] = {
-    **{f"imu.accel_{a}": rf"{_ACCEL}_?{a}$" for a in AXES},
-    **{f"imu.gyro_{a}": rf"{_GYRO}_?{a}$" for a in AXES},
-    **{
-        f"wheel_speeds.{w}": rf"(?:wheel|whl|ws|w_spd).*(?:^|_|speed|spd|ws)(?:{c})(?:$|_)"
-        rf"|^(?:{c})_?(?:wheel|whl)"
-        for w, c in _CORNERS.items()
-    },
-    "gnss.latitude": r"(?:^|_)lat(?:itude)?$",
-    "gnss.longitude": r"(?:^|_)(?:lon|long|lng|longitude)$",
-    "gnss.altitude": r"(?:^|_)(?:alt|altitude|height|elevation)$",
-    "gnss.course": r"(?:^|_)(?:course|bearing|cog|track)$",
-    "speed.v": _SPEED,
-    "steering.road_wheel_angle": r"(?:steer|steering|swa)(?:.*angle)?$|steer.*_(?:angle|position)",
-    "truth.grade": r"(?:true|truth|ref|reference)_(?:grade|slope)$",
-}
-# by the car's words for its axes; the sensor then is in vehicle axes but for signs
-WORDED = {
-    "imu.accel_x": r"^long\w*_acc\w*$|^acc\w*_long\w*$",
-    "imu.accel_y": r"^lat\w*_acc\w*$|^acc\w*_lat\w*$",
-    "imu.accel_z": r"^vert\w*_acc\w*$|^acc\w*_vert\w*$",
-    "imu.gyro_x": r"(?:^|_)roll_?rate$",
-    "imu.gyro_y": r"(?:^|_)pitch_?rate$",
-    "imu.gyro_z": r"(?:^|_)yaw_?rate$",
-}
-# words of names that are something else
-_OTHER = re.compile(
-    r"valid|accuracy|status|quality|std|cov|count|limit|target|setpoint|engine|fan|wind|rpm|turbine"
-)
+_BRACKETS = re.compile(r"[\[({<]([^\])}>]*)[\])}>]\s*$")
+_OTHER = re.compile(OTHER)
 _RELATIVE = re.compile(r"baro|relative|pressure")
-_SATELLITE = re.compile(r"gps|gnss|fix|nav")
 
 
 def roles_of(frame: Frame, column: str) -> list[str]:
-    """The signals that a column may be: several of one word for all wheels, else one at most."""
-    base = bare(column)
+    """The signals that a column may be: several of one word for all wheels, else one at most.
+
+    One whose stated unit measures something else is none.
+    """
     place = folded(f"{frame.name}_{column}")
     kind = frame.kind.rpartition("/")[2]
     if kind in ("Odometry", "TwistStamped", "TwistWithCovarianceStamped"):
         return ["speed.v"] if column.endswith("linear.x") and "covariance" not in column else []
-    if _OTHER.search(folded(column)):
-        return []
-    named = [*_NAMED.items(), *WORDED.items()]
-    found = [role for role, pattern in named if re.search(pattern, base)]
+    words = bare(column).split("_")
+    if _OTHER.search("_".join(words)):
+        return _torque(frame, column, words)
+    found = _named(words)
+    if any(map(TRUE.fullmatch, place.split("_"))):
+        found = _of(REFERENCES, _core(words)) or [r for r in found if r.startswith("gnss.")]
     if "gnss.altitude" in found and _RELATIVE.search(place):
-        return ["barometer.altitude"]
-    if any(role.startswith("wheel_speeds") for role in found):
-        return [role for role in found if role.startswith("wheel_speeds")]
-    if "speed.v" in found:
-        return ["gnss.speed"] if _SATELLITE.search(place) else ["speed.v"]
-    return found[:1]
+        found = ["barometer.altitude"]
+    if "speed.v" in found and any(map(SATELLITE.fullmatch, place.split("_"))):
+        found = ["gnss.speed"]
+    if not any(role.startswith("wheel_speeds") for role in found):
+        found = found[:1]
+    return [role for role in found if not contradicts(frame, column, role)]
 
 
-def stated_unit(frame: Frame, column: str, expected: str) -> tuple[str, bool]:
+def _named(words: list[str]) -> list[str]:
+    """Roles by the whole name, or by the frame of words around it taken off."""
+    for core in dict.fromkeys((_core(words), "".join(words))):
+        for table in (NAMES, WORDED):
+            if found := _of(table, core):
+                return found
+    return []
+
+
+def _of(table: dict[str, tuple[str, ...]], core: str) -> list[str]:
+    found = [role for role, forms in table.items() if any(re.fullmatch(f, core) for f in forms)]
+    wheels = [role for role in found if role.startswith("wheel_speeds")]
+    return wheels or found
+
+
+def _core(words: list[str]) -> str:
+    """The name without the words around it that say where it was measured."""
+
+    def around(word: str) -> bool:
+        alone = word.rstrip("0123456789")
+        return not alone or any(table.fullmatch(alone) for table in (AROUND, SATELLITE, TRUE))
+
+    kept = list(words)
+    while len(kept) > 1 and around(kept[-1]):
+        kept.pop()
+    while len(kept) > 1 and around(kept[0]):
+        kept.pop(0)
+    return "".join(kept)
+
+
+def _torque(frame: Frame, column: str, words: list[str]) -> list[str]:
+    """Engine torque, where its unit says that it is one: in percent it needs a reference."""
+    found = [role for role in _named(words) if role == "powertrain.engine_torque"]
+    return found if found and any_unit(frame, column) in ("N m", "kN m") else []
+
+
+def is_worded(column: str) -> bool:
+    """Whether a name is in the car's words for its axes, so that its sensor is turned to them."""
+    return bool(_of(WORDED, _core(bare(column).split("_"))))
+
+
+def is_time(column: str) -> bool:
+    """Whether a name is one of a time."""
+    return bool(TIME.fullmatch(bare(column).replace("_", "")))
+
+
+def any_unit(frame: Frame, column: str) -> str | None:
+    """The unit that the source or the name states, as it is spelled here; None for none.
+
+    A unit that is none of ours stays as it is: what it measures is none of ours either.
+    """
+    stated = frame.units.get(column, "").strip(" []()")
+    inside = _BRACKETS.search(column)
+    for text in (stated, inside[1].strip() if inside else ""):
+        if text and text not in ("-", "1"):
+            try:
+                return canonical(text)
+            except ConfigError:
+                return text
+    return None
+
+
+def contradicts(frame: Frame, column: str, role: str) -> bool:
+    """Whether a stated unit measures something else than the role."""
+    unit = any_unit(frame, column)
+    if unit is None or unit == "":
+        return False
+    expected = SIGNALS[role].unit
+    if role in ("gnss.latitude", "gnss.longitude"):
+        return unit not in MINUTES and UNITS.get(unit, ("", 0.0))[0] not in ("angle", "number")
+    if role.startswith("truth.") and unit in SLOPES:
+        return False
+    return UNITS.get(unit, ("", 0.0))[0] != UNITS[canonical(expected)][0]
+
+
+MINUTES = ("min", "'", "arcmin", "minutes", "minute", "Minuten")  # of arc, of positions
+
+
+def stated_unit(frame: Frame, column: str, role: str) -> tuple[str, bool]:
     """Unit by the source or the name, or the SI unit, and whether it was stated."""
+    expected = SIGNALS[role].unit
     if expected == "-":
         return "", True
-    with suppress(ConfigError):
-        unit = canonical(frame.units.get(column, ""))
-        if unit and UNITS[unit][0] == UNITS[canonical(expected)][0]:
-            return unit, True
+    unit = any_unit(frame, column)
+    if unit is not None and role.startswith("truth.") and unit in SLOPES:
+        return unit, True
+    if unit in UNITS and UNITS[unit][0] == UNITS[canonical(expected)][0]:
+        return str(unit), True
     unit = unit_of(column, expected)
+    if not unit and role.startswith("truth."):
+        unit = "%" if folded(column).endswith(("percent", "pct", "prozent")) else ""
     return (unit, True) if unit else (canonical(expected), expected == "deg")
 
 
 def unit_of(name: str, expected: str) -> str:
     """Unit of the right quantity that a name ends with; empty for none."""
     quantity = UNITS[canonical(expected)][0]
-    inside = re.search(r"[\[(]([^\])]+)[\])]\s*$", name)
+    inside = _BRACKETS.search(name)
     if inside:
         with suppress(ConfigError):
             unit = canonical(inside[1])
@@ -147,7 +210,7 @@ def unit_of(name: str, expected: str) -> str:
 
 def bare(name: str) -> str:
     """A name in lower case without its unit."""
-    words = folded(re.sub(r"[\[(][^\])]*[\])]\s*$", "", name)).split("_")
+    words = folded(_BRACKETS.sub("", name) or name).split("_")
     for size in (2, 1):
         if len(words) > size and "".join(words[-size:]) in _ENDINGS:
             return "_".join(words[:-size])
@@ -156,5 +219,15 @@ def bare(name: str) -> str:
 
 def folded(name: str) -> str:
     """`AccelX(g)`, `accel.x` and `accel_x` alike: words in lower case between underscores."""
+    name = name.replace("ß", "ss")
+    for letter, written in (
+        ("ä", "ae"),
+        ("ö", "oe"),
+        ("ü", "ue"),
+        ("Ä", "Ae"),
+        ("Ö", "Oe"),
+        ("Ü", "Ue"),
+    ):
+        name = name.replace(letter, written)
     apart = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name)
-    return re.sub(r"[^a-z0-9]+", "_", apart.lower()).strip("_")
+    return re.sub(r"[^a-z0-9]+", "_", plain(apart)).strip("_")

@@ -6,8 +6,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from numpy.typing import NDArray
+
 from roadlog.ingest.frame import Recording
 from roadlog.ingest.profile import Profile
+
+
+def no_sample(path: Path) -> dict[str, NDArray]:
+    """Of a format whose time is not one of its columns."""
+    del path
+    return {}
 
 
 def no_names(path: Path, dbc: Sequence[Path]) -> set[str]:
@@ -29,6 +37,7 @@ class Format:
     profile: of a format that always has the same names, the shipped profile or the file that maps
     them; empty where a profile is found by `names` or given by the user.
     is_table: its time is a column like the others, which the profile names.
+    sample: of a table, its first rows: column -> numbers, NaN where there is none, or texts.
     """
 
     name: str
@@ -39,3 +48,4 @@ class Format:
     extra: str = ""
     profile: str | Path = ""
     is_table: bool = False
+    sample: Callable[[Path], dict[str, NDArray]] = no_sample

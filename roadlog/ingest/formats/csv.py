@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from roadlog.errors import ConfigError, LogReadError
 from roadlog.ingest.formats import times
 from roadlog.ingest.formats.base import Format
-from roadlog.ingest.formats.csv_layout import NOTHING, Layout, layout
+from roadlog.ingest.formats.csv_layout import NOTHING, Layout, fields_of, is_number, layout
 from roadlog.ingest.formats.row_clock import RowClock
 from roadlog.ingest.formats.text import decoded
 from roadlog.ingest.frame import Frame, Recording, absent
@@ -23,6 +23,7 @@ from roadlog.spool import Spool
 BLOCK = 1 << 24  # bytes parsed at a time: bounds the memory of text beside that of numbers
 WORD = 64  # bytes of a cell that is no number; no date is longer
 SHORTEST_ROW = 2  # bytes
+SAMPLE = 1 << 18  # bytes of the first rows
 
 
 def recognizes(path: Path) -> bool:
@@ -39,6 +40,26 @@ def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
     """Column names."""
     del dbc
     return set(layout(path).names)
+
+
+def sample(path: Path) -> dict[str, NDArray]:
+    """The first rows: numbers, or texts where a column holds more of these."""
+    found = layout(path)
+    with path.open("rb") as file:
+        file.seek(found.start)
+        head = file.read(SAMPLE)
+    text = head.decode(
+        found.encoding if found.encoding.startswith("utf-16") else "latin-1", "replace"
+    )
+    lines = text.splitlines()[: -1 if len(head) == SAMPLE else None]
+    rows = [fields_of(line, found.delimiter) for line in lines if line.strip()]
+    rows = [row[: len(found.names)] for row in rows if len(row) >= len(found.names)]
+    columns: dict[str, NDArray] = {}
+    for name, cells in zip(found.names, zip(*rows, strict=True), strict=bool(rows)):
+        numbers = [float(c.replace(",", ".")) if is_number(c) else np.nan for c in cells]
+        few = 2 * np.isfinite(numbers).sum() < sum(bool(cell) for cell in cells)
+        columns[name] = np.array(cells, object) if few else np.array(numbers)
+    return columns
 
 
 def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
@@ -219,4 +240,5 @@ FORMAT = Format(
     read=read,
     names=names,
     is_table=True,
+    sample=sample,
 )

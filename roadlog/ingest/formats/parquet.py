@@ -33,6 +33,12 @@ def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
     return set(_opened(path).schema_arrow.names)
 
 
+def sample(path: Path) -> dict[str, NDArray]:
+    """The first rows."""
+    file = _opened(path)
+    return next(_batches(path, file, list(file.schema_arrow.names)), {})
+
+
 def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """The columns that the profile reads; of the others only the names.
 
@@ -111,4 +117,5 @@ FORMAT = Format(
     names=names,
     extra="table",
     is_table=True,
+    sample=sample,
 )

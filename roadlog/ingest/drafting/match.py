@@ -1,0 +1,163 @@
+"""Which column is which signal, by names; of several the one that the drive bears out."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from roadlog.geo import EARTH_RADIUS
+from roadlog.ingest.drafting.draft import Draft, Guess
+from roadlog.ingest.drafting.inference import gravity_unit
+from roadlog.ingest.drafting.names import (
+    MINUTES,
+    any_unit,
+    folded,
+    is_worded,
+    roles_of,
+    stated_unit,
+)
+from roadlog.ingest.drafting.vocabulary import SATELLITE
+from roadlog.ingest.frame import Frame
+from roadlog.signals import AXES
+from roadlog.types import Floats
+
+POSITIONS = ("gnss.latitude", "gnss.longitude")
+SPEEDS = ("speed.v", "gnss.speed")
+
+
+def match(draft: Draft) -> None:
+    """Fill the draft with guesses."""
+    found: dict[str, list[Guess]] = {}
+    for frame in draft.frames:
+        for column, values in frame.columns.items():
+            if values.dtype.kind not in "bifu" or not np.isfinite(values).any():
+                continue
+            for role in roles_of(frame, column):
+                if guess := _guess(frame, column, role):
+                    found.setdefault(role, []).append(guess)
+    for kind in ("accel", "gyro"):
+        _triad(draft, [found.pop(f"imu.{kind}_{axis}", []) for axis in AXES])
+    track = _track(found)
+    for guesses in found.values():
+        best = max(guesses, key=lambda g: (_bears_out(g, track), g.stated, _rate(g.frame)))
+        others = [g.column for g in guesses if g is not best]
+        doubts = (f"or: {', '.join(others)}",) if others else ()
+        draft.guesses.append(replace(best, doubts=(*best.doubts, *doubts)))
+
+
+def _guess(frame: Frame, column: str, role: str) -> Guess | None:
+    words = folded(column).split("_")
+    satellite = any(map(SATELLITE.fullmatch, words))
+    if role.startswith("imu.") and satellite and is_worded(column):
+        return None  # what a receiver calculates of its speed has no gravity
+    if role == "gnss.course" and "heading" in words and not _has_positions(frame):
+        return None
+    unit, stated = stated_unit(frame, column, role)
+    doubts: tuple[str, ...] = ()
+    scale = 1.0
+    if role in POSITIONS:
+        scale, doubts = _position_scale(frame, column)
+    if role.startswith("truth."):
+        doubts = ("taken for a reference by its name; it is not used by estimators",)
+    return Guess(
+        role, frame, column, unit, stated, scale, valid=_flag(frame, column), doubts=doubts
+    )
+
+
+def _has_positions(frame: Frame) -> bool:
+    return any("gnss.latitude" in roles_of(frame, column) for column in frame.columns)
+
+
+def _position_scale(frame: Frame, column: str) -> tuple[float, tuple[str, ...]]:
+    """Degrees for a unit of one's source, and why."""
+    largest = float(np.nanmax(np.abs(frame.columns[column])))
+    if any_unit(frame, column) in MINUTES:
+        return 1 / 60, ("the source states minutes of arc",)
+    if largest > 1e6:
+        return 1e-7, ("by its size in 1e-7 degrees",)
+    if largest > 180:
+        text = "by its size in minutes of arc; if it is ddmm.mmmm, convert it first"
+        return 1 / 60, (f"{text}; a longitude may count positive to the west (scale = -1/60)",)
+    return 1.0, ()
+
+
+def _track(found: dict[str, list[Guess]]) -> tuple[Floats, Floats] | None:
+    """Time [s] and speed by the positions [m/s] between those that change; None without."""
+    both = [found[role][0] for role in POSITIONS if role in found]
+    if len(both) < 2 or both[0].frame is not both[1].frame:
+        return None
+    north, east = (np.radians(g.frame.columns[g.column] * g.scale) for g in both)
+    time = both[0].frame.time * 1e-9
+    moved = np.isfinite(north) & np.isfinite(east)
+    moved[1:] &= (np.diff(north) != 0) | (np.diff(east) != 0)
+    if moved.sum() < 10:
+        return None
+    north, east, time = north[moved], east[moved] * np.cos(north[moved]), time[moved]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speed = EARTH_RADIUS * np.hypot(np.diff(north), np.diff(east)) / np.diff(time)
+    return (time[1:] + time[:-1]) / 2, speed
+
+
+def _bears_out(guess: Guess, track: tuple[Floats, Floats] | None) -> float:
+    """How well a speed follows that of the positions, in tenths; 0 for other signals."""
+    if guess.role not in SPEEDS or track is None:
+        return 0.0
+    time, speed = track
+    values = guess.frame.columns[guess.column]
+    known = np.isfinite(values)
+    at = np.interp(time, guess.frame.time[known] * 1e-9, values[known])
+    usable = np.isfinite(speed)
+    if usable.sum() < 10 or np.ptp(at[usable]) == 0 or np.ptp(speed[usable]) == 0:
+        return 0.0
+    return round(float(np.corrcoef(at[usable], speed[usable])[0, 1]), 1)
+
+
+def _triad(draft: Draft, found: Sequence[Sequence[Guess]]) -> None:
+    """Three axes of one device: those of one frame and one stem, with gravity where there is."""
+    groups: dict[tuple[int, str], list[Guess]] = {}
+    for guess in (g for axis in found for g in axis):
+        groups.setdefault((id(guess.frame), _stem(guess)), []).append(guess)
+    if not groups:
+        return
+    single = [_one_each(group) for group in groups.values()]
+    ranked = sorted(single, key=lambda g: (len(g), gravity_unit(g) != ""), reverse=True)
+    draft.guesses += ranked[0]
+    for other in ranked[1:]:
+        draft.put([ranked[0][0].role], doubt=f"or: {', '.join(g.column for g in other)}")
+
+
+def _one_each(group: Sequence[Guess]) -> list[Guess]:
+    """The first guess of each role."""
+    return list({guess.role: guess for guess in reversed(group)}.values())[::-1]
+
+
+def _stem(guess: Guess) -> str:
+    """What the names of three axes have in common."""
+    if is_worded(guess.column):
+        return ""
+    axis = guess.role[-1]
+    return re.sub(
+        rf"{axis}(?=_|$)|^{axis}_|(?<=_){axis}(?=[a-z])", "", folded(guess.column), count=1
+    )
+
+
+def _flag(frame: Frame, column: str) -> str:
+    """The condition of a frame's only flag of validity."""
+    flags = [
+        c
+        for c, values in frame.columns.items()
+        if "valid" in c.lower() and c != column and values.dtype.kind in "bifu"
+    ]
+    if len(flags) != 1:
+        return ""
+    states = np.unique(frame.columns[flags[0]])  # one that the source calls invalid is unknown
+    if not set(states[np.isfinite(states)].tolist()) <= {0, 1}:
+        return ""
+    return f"{flags[0]} == 1"
+
+
+def _rate(frame: Frame) -> float:
+    return len(frame) / max(1e-9, float(np.ptp(frame.time)) * 1e-9)

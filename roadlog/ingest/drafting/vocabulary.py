@@ -1,0 +1,133 @@
+"""The words that loggers use for signals, in one table: role -> forms of its name.
+
+A form is a regular expression for a whole name in lower case, without accents, blanks, units and
+the words around it that say where it was measured (`AccX_IMU1` is `accx`, `vFzg_HL` is `vfzghl`).
+English, German, French and Spanish; VBOX, AiM, MoTeC, RaceChrono, OxTS, dSPACE, ETAS, J1939 and the
+buses of car makers.
+"""
+
+from __future__ import annotations
+
+import re
+
+# parts of forms
+_ACCEL = (
+    r"(?:a|acc|accel|acl|acln|acceleration|accelerometer|beschl|beschleunigung|aceleracion|acel"
+    r"|accelerazione|gforce|gf|f|specificforce|acelerometro)"
+)
+_RATE = r"(?:rate|vel|velocity|speed|spd|w|gesch\w*|winkelgesch\w*|drehrate)"
+_GYRO = (
+    r"(?:w|g|gyr|gyro|gyroscope|omega|om|angrate|angularrate|angvel|angularvelocity|rotationrate"
+    r"|rotrate|rotation|gyrorotation|rateofrotation|drehrate|rate)"
+)
+_LONG = r"(?:lon|lng|long|longi|longitudinale?|longit|laengs|langs|inline|fwd|forward|fore)"
+_LAT = r"(?:lat|lateral\w*?|quer|seiten|trans|transversal\w*?)"
+_VERT = r"(?:vert|vertical\w*?|vertikal\w*?|hoch|upward)"
+_FORCE = rf"(?:{_ACCEL}|g)"
+_SPEED = r"(?:v|vel|velocity|spd|speed|geschw|geschwindigkeit|vitesse|velocidad|velocita)"
+_WHEEL = r"(?:wheels?|whls?|w|rad|raeder|roue|rueda|ws)"
+_TURN = r"(?:speed|spd|vel|velocity|v|geschw\w*?|vitesse|velocidad|w)?(?:based)?"
+_SLOPE = (
+    r"(?:slope|grade|gradient|incline|steigung|laengsneigung|langsneigung|neigung|pente|pendiente)"
+)
+_BANK = r"(?:bank|crossslope|crossfall|camber|querneigung|devers|peralte|superelevation)"
+
+CORNERS = {
+    "fl": r"(?:fl|lf|vl|flh|frontleft|leftfront|frleft|vornelinks|vorneli|delanteraizquierda)",
+    "fr": r"(?:fr|rf|vr|frh|frontright|rightfront|frright|vornerechts|vornere|delanteraderecha)",
+    "rl": r"(?:rl|lr|hl|rlh|rearleft|leftrear|releft|hintenlinks|hintenli|traseraizquierda)",
+    "rr": r"(?:rr|hr|rrh|rearright|rightrear|reright|hintenrechts|hintenre|traseraderecha)",
+}
+
+
+def _either(*words: str) -> tuple[str, ...]:
+    """Two words in either order."""
+    first, second = words
+    return f"{first}{second}", f"{second}{first}"
+
+
+NAMES: dict[str, tuple[str, ...]] = {
+    **{f"imu.accel_{a}": (f"{_ACCEL}{a}(?:axis|achse|veh)?", f"{a}{_ACCEL}") for a in "xyz"},
+    **{f"imu.gyro_{a}": (f"{_GYRO}{a}", f"{a}{_GYRO}") for a in "xyz"},
+    **{
+        f"wheel_speeds.{wheel}": (
+            f"{_WHEEL}{_TURN}{corner}",
+            f"{_WHEEL}{corner}{_TURN}",
+            f"{corner}{_WHEEL}{_TURN}",
+            f"(?:v|vrad|n|nrad|abs|spd|speed){corner}",
+            f"{corner}(?:spd|speed|radgeschw\\w*)",
+        )
+        for wheel, corner in CORNERS.items()
+    },
+    "speed.v": (
+        rf"{_SPEED}(?:x|2d|fwd|forward|horizontal|overground|kph|signal)?",
+        rf"(?:ground|gnd|road|fzg|fahrzeug|fahrt|drive|corr|corrected|horizontal|xmission|tacho|fahr"
+        rf"|indicated|longitudinal|forward|2d|wheelbasedvehicle|wheelbased|disp|avg){_SPEED}",
+        r"vfzg(?:hl|hr|vl|vr|h|v)?",
+        r"vveh|vehv|vlong|vlon|vehvv|vactl\w*|velocidadvehiculo|vitessevehicule|speedovergrnd|sog",
+    ),
+    "gnss.climb": (
+        r"(?:vert|vertical|v|climb|up|steig|vertikal)(?:vel|velocity|speed|spd|geschw\w*)",
+        r"climb(?:rate)?|velup|vup|vertvelocity|steigrate",
+    ),
+    "gnss.latitude": (r"lat|latitude|breite|breitengrad|geogrbreite|geobreite|latitud|latdeg",),
+    "gnss.longitude": (
+        r"lon|long|lng|longitude|laenge|laengengrad|langengrad|lange|geogrlaenge|longitud",
+    ),
+    "gnss.altitude": (
+        r"alt|altitude|height|elevation|elev|hoehe|hohe|altura|altitud|quota|hmsl|altmsl|heightmsl"
+        r"|msl|mslaltitude|altitudemsl|ellipsoidheight",
+    ),
+    "gnss.course": (
+        r"course|bearing|cog|track|trackangle|kurs|cap|rumbo|heading|courseoverground",
+    ),
+    "steering.road_wheel_angle": (
+        r"(?:steer|steering|steered|stwhl|strwhl|strgwhl|strg|lenkrad|lenk|lrw|swa|sas|volante?)"
+        r"(?:wheel|whl)?(?:angle|ang|winkel|wi|position|pos|w)?",
+        r"swa|lws|anglevolant|angulovolante|lenkwinkel|roadwheelangle|rwa",
+    ),
+    "powertrain.engine_torque": (
+        r"(?:eng|engine|motor|mot|ice|moteur)(?:trq|tq|torque|moment|drehmoment|mom|couple)",
+        r"couplemoteur|parmotor",
+    ),
+}
+
+# by the car's words for its axes; the sensor then is in vehicle axes but for signs
+WORDED: dict[str, tuple[str, ...]] = {
+    "imu.accel_x": _either(_LONG, _FORCE),
+    "imu.accel_y": _either(_LAT, _FORCE),
+    "imu.accel_z": _either(_VERT, _FORCE),
+    "imu.gyro_x": (rf"(?:gyro)?(?:roll|wank|roulis|balanceo|alabeo){_RATE}", r"wroll|rollw"),
+    "imu.gyro_y": (rf"(?:gyro)?(?:pitch|nick|tangage|cabeceo){_RATE}", r"wpitch|pitchw"),
+    "imu.gyro_z": (
+        rf"(?:gyro)?(?:yaw|gier|lacet|guinada){_RATE}",
+        r"vyaw|vyawveh|wyaw|yaww\w*|yawr|psip|dpsi|gier|vitesselacet|velguinada",
+    ),
+}
+
+# what a reference states, where its name says that it is one
+REFERENCES: dict[str, tuple[str, ...]] = {
+    "truth.grade": (rf"(?:road|fahrbahn|strassen)?{_SLOPE}(?:angle|winkel)?",),
+    "truth.bank": (rf"(?:road|fahrbahn|strassen)?{_BANK}(?:angle|winkel)?",),
+    "truth.inclination": (r"(?:pitch|nick|inclination|tangage|cabeceo)(?:angle|winkel)?",),
+    "truth.roll_total": (r"(?:roll|wank|roulis|alabeo)(?:angle|winkel)?",),
+}
+
+# words that say where, of which device or how filtered
+AROUND = re.compile(
+    r"imu|ins|mems|ahrs|esp|esc|abs|dsc|vdc|ecu|can|bus|sensor|sensors|sns|"
+    r"sig|signal|val|value|raw|filt|filtered|flt|filter|smooth|smoothed|meas|"
+    r"measured|mess|act|actual|ist|est|estimate|cal|calibrated|corr|cog|body|"
+    r"bdy|veh|vehicle|car|chassis|device|phone|vbox|vb|racelogic|oxts|aim|"
+    r"motec|rcm|di|lwi|sas|acm|uncal|a1|app|log|logger|data|ch|chan|channel|"
+    r"abs|mean|avg|grnd|cm|mm|baro|barometer|barometric|pressure|relative|"
+    r"sensorcluster|cluster|rt|rt3000|xsens|novatel|ellipse|vn|obd"
+)
+SATELLITE = re.compile(r"gps|gnss|rtk|nav|dgps|fix|ublox|sat")
+TRUE = re.compile(r"true|truth|ref|reference|gt|rtk|survey|soll|referenz|verite|verdad")
+# words of names that are something else
+OTHER = (
+    r"valid|accuracy|genauigkeit|precision|status|quality|limit|target|setpoint|engine|turbine|wiper"
+    r"|cruise|request|predicted|sigma|(?<![a-z])(?:std|cov|count|fan|wind|rpm|north|east|down|err"
+    r"|error|diff|ratio|lap|max|min|tire|tyre|motor|mot|eng)(?![a-z])"
+)
