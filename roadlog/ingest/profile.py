@@ -18,14 +18,14 @@ import numpy as np
 from roadlog import toml
 from roadlog.errors import ConfigError, near
 from roadlog.ingest.frame import Frame
-from roadlog.signals import AXES, SECTIONS
+from roadlog.ingest.mount import rotation
+from roadlog.signals import SECTIONS
 from roadlog.types import Bools, Floats
 from roadlog.units import CLOCK_FORMS, SLOPES, to_si
 
 CLOCKS = ("log", "publish", "header")
 TIME_KEYS = ("column", "unit", "clock", "zone")
 ENTRY_KEYS = ("from", "file", "unit", "scale", "offset", "delay", "valid")
-ORTHOGONAL = 1e-3  # how far a mount matrix may be from a rotation: three printed digits
 
 LONGEST_DELAY = 3600.0  # s; a clock that is off by more is what --time-offset is for
 FITTING = 3  # signals that make a shipped profile fit, where it has more
@@ -237,67 +237,6 @@ def find(entry: Entry, frames: Sequence[Frame]) -> tuple[Frame, str]:
 
 def _any_match(files_: str, pattern: str) -> bool:
     return any(fnmatch(name, pattern) for name in files_.split(", "))
-
-
-def rotation(mount: Any, where: str) -> Floats:
-    """Rotation matrix (vehicle = R @ sensor) of a mount: axes, matrix or rpy_deg.
-
-    Axes: `{forward = "+x", left = "-z"}` says which sensor axis points where; up follows.
-    rpy_deg: roll, pitch and yaw of the sensor in the vehicle, R = Rz(yaw) Ry(pitch) Rx(roll).
-    Raises ConfigError.
-    """
-    if not isinstance(mount, dict):
-        raise ConfigError(f"{where}: mount must be a table {{ forward = ..., left = ... }}")
-    keys = set(mount)
-    if keys == {"matrix"}:
-        try:
-            matrix = np.array(mount["matrix"], np.float64)
-        except (TypeError, ValueError):
-            matrix = np.empty(0)
-        if matrix.shape != (3, 3):
-            raise ConfigError(f"{where}: mount matrix must have three rows of three numbers")
-    elif keys == {"rpy_deg"}:
-        angles = mount["rpy_deg"]
-        if not (isinstance(angles, list) and len(angles) == 3 and all(map(toml.is_number, angles))):
-            raise ConfigError(f"{where}: mount rpy_deg must be [roll, pitch, yaw]")
-        matrix = _from_rpy(*np.radians(angles))
-    elif keys <= {"forward", "left", "up"} and len(keys) >= 2:
-        rows = {way: _axis(axis, f"{where}: mount {way}") for way, axis in mount.items()}
-        if "forward" not in rows:
-            rows["forward"] = np.cross(rows["left"], rows["up"])
-        if "left" not in rows:
-            rows["left"] = np.cross(rows["up"], rows["forward"])
-        rows.setdefault("up", np.cross(rows["forward"], rows["left"]))
-        matrix = np.stack([rows["forward"], rows["left"], rows["up"]])
-    else:
-        raise ConfigError(
-            f"{where}: mount needs two of forward, left, up; or matrix; or rpy_deg "
-            f"(found: {', '.join(sorted(keys)) or 'nothing'})"
-        )
-    if np.abs(matrix @ matrix.T - np.eye(3)).max() > ORTHOGONAL or np.linalg.det(matrix) < 0:
-        raise ConfigError(f"{where}: mount is no rotation of right-handed axes")
-    return matrix
-
-
-def _axis(text: Any, where: str) -> Floats:
-    match = re.fullmatch(r"([+-]?)([xyzXYZ])", text.strip()) if isinstance(text, str) else None
-    if not match:
-        raise ConfigError(f"{where}: '{text}' is no axis; write +x, -x, +y, -y, +z or -z")
-    row = np.zeros(3)
-    row[AXES.index(match[2].lower())] = -1.0 if match[1] == "-" else 1.0
-    return row
-
-
-def _from_rpy(roll: float, pitch: float, yaw: float) -> Floats:
-    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
-    cy, sy = math.cos(yaw), math.sin(yaw)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
 
 
 def _clocks(time: Any, where: str) -> list[tuple[str, Clock]]:

@@ -44,7 +44,7 @@ def scaled(topic: str, fields: list[str], factor: float):
 
 def turned(forward: str, left: str, accel_sign: float = 1.0):
     """As a sensor shows it whose axes `forward` and `left` point there."""
-    from roadlog.ingest.profile import rotation
+    from roadlog.ingest.mount import rotation
 
     matrix = rotation({"forward": forward, "left": left}, "test")
 

@@ -8,7 +8,8 @@ import pytest
 from roadlog.errors import ConfigError
 from roadlog.ingest import mapping
 from roadlog.ingest.frame import Frame
-from roadlog.ingest.profile import Profile, rotation, shipped
+from roadlog.ingest.mount import rotation
+from roadlog.ingest.profile import Profile, shipped
 from roadlog.signals import SECTIONS
 
 SECOND = 1_000_000_000
