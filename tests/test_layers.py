@@ -15,7 +15,7 @@ from support.drives import ROOT
 LAYERS = (
     ("errors", "types", "version", "signals"),
     ("toml", "units", "columnar", "memory", "files", "extras", "plugins", "csv_text"),
-    ("spool", "geo", "rotation", "stamps"),
+    ("config", "spool", "geo", "rotation", "stamps"),
     ("storage",),
     ("drive", "location_fix"),
     ("metrics",),

@@ -45,6 +45,7 @@ def _global(
 def _register() -> None:
     # command modules import what they compute with inside their functions: `--help` stays fast
     from roadlog.cli.calibrate import calibrate
+    from roadlog.cli.config import config
     from roadlog.cli.demo import demo
     from roadlog.cli.doctor import doctor
     from roadlog.cli.estimate import estimate
@@ -61,7 +62,7 @@ def _register() -> None:
     from roadlog.cli.view import view
 
     using = (ingest, info, calibrate, estimate, evaluate, view, plot, report, export)
-    making = (simulate, scenarios, estimators, reproduce, profiles, demo, doctor)
+    making = (simulate, scenarios, estimators, reproduce, profiles, config, demo, doctor)
     for command in (*using, *making):
         app.command()(command)
     app.add_typer(profile, name="profile")
@@ -73,8 +74,11 @@ _register()
 def main() -> None:
     """Run the command line; exit codes as in docs/errors.md."""
     warnings.showwarning = console.show_warning
+    from roadlog.cli.config import default_map
+
     try:
-        app()
+        root = typer.main.get_command(app)
+        root(default_map=default_map(root))
     except RoadlogError as error:
         if console.debug:
             raise

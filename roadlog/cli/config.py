@@ -1,0 +1,88 @@
+"""`roadlog config`, and how the defaults of roadlog.toml and ROADLOG_* reach the commands."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_type_hints
+
+import typer
+from typer.core import TyperGroup
+
+from roadlog.cli import console
+from roadlog.config import Default, Option, defaults
+
+NOT_SET = frozenset({"help", "version", "debug", "out", "json"})  # belong to one call
+
+
+def config(
+    context: typer.Context,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Show which defaults hold, and from where: roadlog.toml here or above, the user's, ROADLOG_*.
+
+    Example: ROADLOG_PROFILE=logger.toml roadlog config
+    """
+    found = current(context.find_root().command)
+    if as_json:
+        console.print_json([vars(default) for default in found])
+    elif not found:
+        console.say("no defaults are set; every option is as `roadlog COMMAND --help` says")
+    else:
+        rows = [[d.command, f"--{d.option}", _text(d.value), d.origin] for d in found]
+        console.print_table(["command", "option", "value", "from"], rows, left=4)
+
+
+def default_map(root: Any) -> dict[str, Any]:
+    """click's map of defaults: command -> parameter -> value. Raises ConfigError."""
+    names = {
+        (command, _name(parameter)): parameter.name
+        for command, group in root.commands.items()
+        for parameter in group.params
+    }
+    result: dict[str, Any] = {}
+    for default in current(root):
+        parameter = names[default.command, default.option]
+        result.setdefault(default.command, {})[parameter] = default.value
+    return result
+
+
+def current(root: Any) -> list[Default]:
+    """The defaults that hold in this folder and environment."""
+    commands = {
+        command: {_name(p): _option(p, entry.callback) for p in entry.params if _is_settable(p)}
+        for command, entry in root.commands.items()
+        if not isinstance(entry, TyperGroup)
+    }
+    return defaults(commands, os.environ, Path.cwd())
+
+
+def _is_settable(parameter: Any) -> bool:
+    return parameter.param_type_name == "option" and _name(parameter) not in NOT_SET
+
+
+def _name(parameter: Any) -> str:
+    """An option's long name; of one that only says no (--no-checks), what it says no to."""
+    if parameter.opts:
+        name: str = max(parameter.opts, key=len).lstrip("-")
+        return name
+    no: str = max(parameter.secondary_opts, key=len).lstrip("-")
+    return no.removeprefix("no-")
+
+
+def _option(parameter: Any, function: Any) -> Option:
+    """What an option takes, by the annotation of the function's parameter."""
+    hint = get_type_hints(function)[parameter.name]
+    hints = [h for h in get_args(hint) if h is not type(None)]
+    kinds = {Path, int, float, bool} & {hint, *hints, *(i for h in hints for i in get_args(h))}
+    return Option(
+        _name(parameter),
+        is_path=Path in kinds or _name(parameter) == "profile",
+        is_list=parameter.multiple,
+        is_flag=bool in kinds,
+        is_number=bool({int, float} & kinds),
+    )
+
+
+def _text(value: Any) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

@@ -1,0 +1,97 @@
+"""Defaults of roadlog.toml and ROADLOG_*: who wins, and what is wrong with them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from roadlog.config import Option, defaults
+from roadlog.errors import ConfigError
+
+RATE = Option("rate", is_number=True)
+COMMANDS = {
+    "estimate": {
+        "rate": RATE,
+        "estimator": Option("estimator", is_list=True),
+        "vehicle": Option("vehicle", is_path=True),
+        "profile": Option("profile", is_path=True),
+    },
+    "view": {"rate": RATE, "web": Option("web", is_flag=True)},
+}
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The user's folder for configuration."""
+    monkeypatch.setattr("roadlog.config._user_folder", lambda _: tmp_path / "user")
+    (tmp_path / "user").mkdir()
+    return tmp_path / "user"
+
+
+def found(folder: Path, **environment: str) -> dict[str, object]:
+    made = defaults(COMMANDS, environment, folder)
+    return {f"{d.command} {d.option}": d.value for d in made}
+
+
+def test_the_nearest_wins(tmp_path: Path, home: Path) -> None:
+    (home / "roadlog.toml").write_text("rate = 10\n[view]\nweb = true\n")
+    project = tmp_path / "project"
+    (project / "deep").mkdir(parents=True)
+    assert found(project / "deep") == {"estimate rate": 10, "view rate": 10, "view web": True}
+    (project / "roadlog.toml").write_text("rate = 20\n[view]\nrate = 30\n")
+    assert found(project / "deep")["estimate rate"] == 20
+    assert found(project / "deep")["view rate"] == 30
+    assert found(project, ROADLOG_RATE="40")["view rate"] == "40"
+    both = found(project, ROADLOG_RATE="40", ROADLOG_VIEW_RATE="50")
+    assert (both["estimate rate"], both["view rate"]) == ("40", "50")
+
+
+def test_files_count_from_where_they_are_named(tmp_path: Path, home: Path) -> None:
+    (tmp_path / "roadlog.toml").write_text('vehicle = "cars/a.toml"\nprofile = "iphone"\n')
+    below = tmp_path / "drives"
+    below.mkdir()
+    made = found(below)
+    assert made["estimate vehicle"] == str(tmp_path / "cars" / "a.toml")
+    assert made["estimate profile"] == "iphone"
+    assert home.is_dir()
+
+
+BAD = {
+    "rat = 1": r"no option 'rat'|option 'rat'\. Close: rate",
+    "[estimat]\nrate = 1": r"\[estimat\].*Close: estimate",
+    "[view]\nestimator = 'x'": r"\[view\] estimator",
+    "rate = 'fast'": "must be a number",
+    "web = 1": "true or false",
+    "estimator = 3": "must be a text",
+    "rate = [1, 2]": "must be a number",
+    "rate = = 1": "not a TOML file",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_faults_name_file_key_and_near_names(tmp_path: Path, home: Path, text: str) -> None:
+    (tmp_path / "roadlog.toml").write_text(text)
+    with pytest.raises(ConfigError, match=BAD[text]) as caught:
+        found(tmp_path)
+    assert "roadlog.toml" in str(caught.value)
+    assert home.is_dir()
+
+
+def test_a_variable_that_no_command_knows(tmp_path: Path, home: Path) -> None:
+    with pytest.raises(ConfigError, match=r"ROADLOG_RAET.*Close: ROADLOG_RATE"):
+        found(tmp_path, ROADLOG_RAET="1")
+    assert home.is_dir()
+
+
+def test_the_command_line_wins(roadlog, hill_log: Path, tmp_path: Path) -> None:
+    (tmp_path / "roadlog.toml").write_text('estimator = ["ti"]\n')
+    said = json.loads(roadlog("config", "--json").stdout)
+    entry = next(d for d in said if (d["command"], d["option"]) == ("estimate", "estimator"))
+    assert entry["value"] == ["ti"]
+    assert entry["origin"] == str(tmp_path / "roadlog.toml")
+    made = json.loads(roadlog("estimate", hill_log, "--json").stdout)
+    assert list(made["estimates"]) == ["ti"]
+    other = json.loads(roadlog("estimate", hill_log, "-e", "incl_kinematic", "--json").stdout)
+    assert list(other["estimates"]) == ["incl_kinematic"]
