@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tomllib
 from typing import Any
@@ -16,6 +17,11 @@ def loads(text: str, where: str) -> dict[str, Any]:
     # besides TOMLDecodeError, a ValueError of numbers without end, and of brackets without end
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"{where}: not a TOML file: {error}") from error
+
+
+def text(value: str) -> str:
+    """A TOML string."""
+    return json.dumps(value, ensure_ascii=False)
 
 
 def is_number(value: Any) -> bool:

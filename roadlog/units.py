@@ -26,6 +26,8 @@ UNITS: dict[str, tuple[str, float]] = {
     "km": ("length", 1e3),
     "ft": ("length", 0.3048),
     "m/s": ("speed", 1.0),
+    "cm/s": ("speed", 1e-2),
+    "mm/s": ("speed", 1e-3),
     "km/h": ("speed", 1 / 3.6),
     "mph": ("speed", 0.44704),
     "kn": ("speed", 1852 / 3600),

@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from roadlog.errors import ConfigError, LogReadError, near
-from roadlog.ingest import clocks, mapping
+from roadlog.ingest import clocks, mapping, typed
 from roadlog.ingest.formats import format_of, understood
 from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.parsers import readable
@@ -167,7 +167,11 @@ def _own_profile(format_: Format, path: Path, dbc: Sequence[Path]) -> Profile:
     """The profile that a source asks for by its kind or by its names."""
     if format_.profile:
         return replace(Profile.load(format_.profile), family=True)
-    found = fitting(format_.names(path, dbc))
+    if format_.is_typed:
+        frames = format_.read(path, typed.read_all(), dbc).frames
+        found = typed.or_shipped(typed.profile(frames), format_.names(path, dbc))
+    else:
+        found = fitting(format_.names(path, dbc))
     if found is None:
         raise ConfigError(
             f"{path.name}: say what its names mean with --profile (a file, or one of: "

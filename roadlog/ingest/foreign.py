@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from roadlog.errors import LogReadError
-from roadlog.ingest import mapping
+from roadlog.ingest import mapping, typed
 from roadlog.ingest.formats import mcap
 from roadlog.ingest.grid import one_grid
-from roadlog.ingest.profile import Profile, fitting, shipped
+from roadlog.ingest.profile import Profile, shipped
 from roadlog.signals import INPUTS
 from roadlog.storage import Channel, Table
 
@@ -22,8 +22,9 @@ def is_own(channels: Iterable[Channel]) -> bool:
 
 
 def own_profile(path: Path) -> Profile:
-    """The shipped profile that a log's message types ask for. Raises LogReadError."""
-    found = fitting(mcap.names(path))
+    """The profile that a log's message types make, or a shipped one. Raises LogReadError."""
+    frames = mcap.read(path, typed.read_all()).frames
+    found = typed.or_shipped(typed.profile(frames), mcap.names(path))
     if found is None:
         topics = ", ".join(section.topic for section in INPUTS)
         raise LogReadError(

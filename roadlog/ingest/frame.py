@@ -20,7 +20,7 @@ class Frame:
     source file. time: ns. columns: source name -> values as the source has them, NaN where there
     is none. units: as the source states them, where it does. kind: the type of the message where
     topics have one (`sensor_msgs/Imu`). also: other names of the message, with or without its bus
-    and sender (`CAN1.Motion` and `Motion`).
+    and sender (`CAN1.Motion` and `Motion`). frame_id: the coordinate frame that its messages name.
     """
 
     name: str
@@ -30,6 +30,7 @@ class Frame:
     units: Mapping[str, str] = field(default_factory=dict)
     kind: str = ""
     also: frozenset[str] = frozenset()
+    frame_id: str = ""
 
     @property
     def key(self) -> tuple[frozenset[str], str, tuple[str, ...]]:

@@ -28,6 +28,7 @@ class Guess:
     valid: str = ""
     doubts: tuple[str, ...] = ()
     off: bool = False  # written as a comment only
+    typed: bool = False  # by the type of its message, which leaves no guess
 
     def toml(self, sources: str) -> str:
         """The line of the profile, doubts before it."""

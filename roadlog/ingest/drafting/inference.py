@@ -146,7 +146,7 @@ def _mount(draft: Draft, state: motion.Examination) -> None:
 
 
 def _course(draft: Draft) -> None:
-    for guess in [g for g in draft.guesses if g.role == "gnss.course"]:
+    for guess in [g for g in draft.guesses if g.role == "gnss.course" and not g.typed]:
         largest = float(np.nanmax(np.abs(guess.frame.columns[guess.column])))
         unit = "deg" if largest > 2 * np.pi else guess.unit
         offset = 90.0 if unit == "deg" else np.pi / 2
@@ -155,7 +155,9 @@ def _course(draft: Draft) -> None:
 
 
 def _steering(draft: Draft) -> None:
-    for guess in [g for g in draft.guesses if g.role == "steering.road_wheel_angle"]:
+    for guess in [
+        g for g in draft.guesses if g.role == "steering.road_wheel_angle" and not g.typed
+    ]:
         largest = float(np.nanmax(np.abs(guess.frame.columns[guess.column])))
         unit = guess.unit if guess.stated or largest < 4 * np.pi else "deg"
         doubt = "of the steering wheel? then scale = 1 / steering ratio of the car; + is left"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,14 +28,17 @@ POSITIONS = ("gnss.latitude", "gnss.longitude")
 SPEEDS = ("speed.v", "gnss.speed")
 
 
-def match(draft: Draft) -> None:
-    """Fill the draft with guesses."""
+def match(draft: Draft, typed: Collection[int] = ()) -> None:
+    """Fill the draft with guesses; none of frames (by their id) whose type says what they are."""
+    known = {guess.role for guess in draft.guesses if not guess.off}
     found: dict[str, list[Guess]] = {}
     for frame in draft.frames:
+        if id(frame) in typed:
+            continue
         for column, values in frame.columns.items():
             if values.dtype.kind not in "bifu" or not np.isfinite(values).any():
                 continue
-            for role in roles_of(frame, column):
+            for role in [role for role in roles_of(frame, column) if role not in known]:
                 if guess := _guess(frame, column, role):
                     found.setdefault(role, []).append(guess)
     for kind in ("accel", "gyro"):

@@ -69,6 +69,7 @@ _ENDINGS = {
 }
 _BRACKETS = re.compile(r"[\[({<]([^\])}>]*)[\])}>]\s*$")
 _OTHER = re.compile(OTHER)
+_ANGULAR = re.compile(r"angular|omega|gyro|rotation|yaw|pitch|roll")  # never a speed of the car
 _RELATIVE = re.compile(r"baro|relative|pressure")
 
 
@@ -89,6 +90,8 @@ def roles_of(frame: Frame, column: str) -> list[str]:
         found = _of(REFERENCES, _core(words)) or [r for r in found if r.startswith("gnss.")]
     if "gnss.altitude" in found and _RELATIVE.search(place):
         found = ["barometer.altitude"]
+    if _ANGULAR.search("_".join(words)):
+        found = [role for role in found if role != "speed.v"]
     if "speed.v" in found and any(map(SATELLITE.fullmatch, place.split("_"))):
         found = ["gnss.speed"]
     if not any(role.startswith("wheel_speeds") for role in found):

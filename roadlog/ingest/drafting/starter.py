@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from roadlog.ingest import Source, expanded, open_source
+from roadlog.ingest.drafting.by_type import by_type
 from roadlog.ingest.drafting.draft import Draft
 from roadlog.ingest.drafting.inference import by_data
 from roadlog.ingest.drafting.match import match
@@ -67,7 +68,7 @@ def starter(sources: Sequence[Path | str], dbc: Sequence[Path] = ()) -> str:
     known = {n for f in draft.frames for c in f.columns for n in (c, *f.full(c))}
     if fits := fitting(known):
         draft.head.append(f"The shipped profile {fits.name} has these names too: see `profiles`.")
-    match(draft)
+    match(draft, by_type(draft))
     if draft.guesses:
         by_data(draft)
     else:

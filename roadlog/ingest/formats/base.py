@@ -38,6 +38,7 @@ class Format:
     them; empty where a profile is found by `names` or given by the user.
     is_table: its time is a column like the others, which the profile names.
     sample: of a table, its first rows: column -> numbers, NaN where there is none, or texts.
+    is_typed: its topics have message types, which say what their fields mean (`ingest.kinds`).
     """
 
     name: str
@@ -49,3 +50,4 @@ class Format:
     profile: str | Path = ""
     is_table: bool = False
     sample: Callable[[Path], dict[str, NDArray]] = no_sample
+    is_typed: bool = False

@@ -38,4 +38,5 @@ FORMAT = Format(
     recognizes=recognizes,
     read=read,
     names=names,
+    is_typed=True,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -120,7 +120,8 @@ def recording(readers: Sequence[Reader], profile: Profile, label: str) -> Record
         }
         columns |= {n: _rows(made.of(table.columns), stamped.keep) for n, made in more.items()}
         units = dict(topic.readers[0].units(topic.name))
-        frames.append(Frame(topic.name, label, stamped.time, columns, units, topic.kind))
+        own = Frame(topic.name, label, stamped.time, columns, units, topic.kind)
+        frames.append(replace(own, frame_id=_frame_id(topic)))
     losses += _mixed(clocks, label)
     notes += [f"{label}: {topic}: {c.note}" for topic, c in clocks.items() if c.note]
     frames, strays = _without_strays(frames, clocks)
@@ -142,6 +143,13 @@ def _derived(profile: Profile, topic: Topic) -> dict[str, Derived]:
                 if made is not None:
                     found[name] = made
     return found
+
+
+def _frame_id(topic: Topic) -> str:
+    """The coordinate frame that its messages name: of what moves, where they name two."""
+    texts = topic.readers[0].texts(topic.name)
+    names = ("child_frame_id", "body_frame_id", "header.frame_id", "frame_id")
+    return next((texts[name] for name in names if texts.get(name)), "")
 
 
 def _rows(column: NDArray, keep: Bools) -> NDArray:
@@ -255,5 +263,5 @@ def _without_strays(
         said.append(stamps.said(frame.name, frame.time, span))
         columns: dict[str, NDArray | Floats] = {n: _rows(c, keep) for n, c in frame.columns.items()}
         time = frame.time[keep]
-        result.append(Frame(frame.name, frame.file, time, columns, frame.units, frame.kind))
+        result.append(replace(frame, time=time, columns=columns))
     return result, said
