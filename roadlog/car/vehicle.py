@@ -43,7 +43,7 @@ class Vehicle:
 
     The defaults describe a middle-class car and are good enough for methods that need only an
     order of magnitude; `sources` tells which values were given. None: not known, derived where a
-    method needs it (`pitch_gradient_or_default`, ...).
+    method needs it (`pitch_gain`, `roll_gain`, ...).
     """
 
     name: str = _parameter("default", "", "name of the car")
