@@ -18,6 +18,7 @@ from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.parsers import readable
 from roadlog.ingest.formats.times import zone_of
 from roadlog.ingest.frame import Frame, Recording, joined
+from roadlog.ingest.gaps import gaps
 from roadlog.ingest.grid import one_grid
 from roadlog.ingest.mapping import Mapped
 from roadlog.ingest.profile import Profile, fitting, shipped
@@ -91,13 +92,14 @@ def ingest(
     opened = [open_source(path, given, databases).in_zone(timezone) for path in paths]
     recordings = [source.read(databases) for source in opened]
     profiles = list({source.profile.name: source.profile for source in opened}.values())
-    groups, mapped, over, lacking = [], [], [], []
+    groups, mapped, over, lacking, doubts = [], [], [], [], []
     for chosen in profiles:
         own = [r for s, r in zip(opened, recordings, strict=True) if s.profile.name == chosen.name]
         frames = joined(frame for recording in own for frame in recording.frames)
         located, absent = mapping.locate(chosen, frames)
         lacking += absent
         over += mapping.left_over(frames, located)
+        doubts += mapping.contradicted(located)
         for members in _clock_groups(own, frames):
             here = [place for place in located if any(place.frame is f for f in members)]
             signals, kinds = mapping.signals(chosen, here)
@@ -122,9 +124,9 @@ def ingest(
     found = [] if given else [f"{s.path.name}: profile {s.profile.name}" for s in opened]
     notes = [f"{words}, found by itself" for words in found]
     notes += [note for recording in recordings for note in recording.notes] + said + moved
+    notes += doubts
     notes += [f"not a source: {', '.join(ignored)}"] if ignored else []
-    gaps = mapping.gaps(tables)
-    return IngestResult(tables, metadata, mapped, over, lacking, notes, gaps, losses)
+    return IngestResult(tables, metadata, mapped, over, lacking, notes, gaps(tables), losses)
 
 
 def expanded(

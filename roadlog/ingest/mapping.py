@@ -17,7 +17,7 @@ from roadlog.signals import AXES, SECTIONS, SIGNALS, Section
 from roadlog.spool import Spool, blocks, release
 from roadlog.storage import Table, schemas
 from roadlog.types import Bools, Floats, Stamps
-from roadlog.units import SLOPES, to_si
+from roadlog.units import SLOPES, canonical, to_si
 
 SLOW_SECTIONS = ("speed", "gnss", "barometer")  # of devices that fast tables repeat
 REPEATS = 5  # rows; a value that typically stays this long is held, not measured anew
@@ -105,6 +105,24 @@ def signals(profile: Profile, located: Sequence[Located]) -> tuple[Signals, list
         for kind in ("accel", "gyro"):
             _mount(found, [f"{section}.{kind}_{axis}" for axis in AXES], mount)
     return found, mapped
+
+
+def contradicted(located: Sequence[Located]) -> list[str]:
+    """Sentences on units of the profile that are not those that the source states."""
+    found = []
+    for entry, frame, column in located:
+        stated = frame.units.get(column, "")
+        try:
+            same = not stated or not entry.unit or canonical(stated) == canonical(entry.unit)
+        except ConfigError:  # a unit that is none of ours
+            continue
+        scaled = entry.scale != 1.0 or entry.unit in SLOPES
+        if not same and not scaled:
+            name = f"{frame.name}.{column}" if frame.name else column
+            found.append(
+                f"{entry.role}: the source states {stated} for {name}, the profile {entry.unit}"
+            )
+    return found
 
 
 def left_over(frames: Iterable[Frame], located: Sequence[Located]) -> list[str]:
@@ -353,38 +371,3 @@ def _mount(found: Signals, roles: list[str], mount: Floats) -> None:
         release(array for pair in sensor.values() for array in pair)
     time = stamps.column()
     found |= {role: (time, spool.column()) for role, spool in turned.items()}
-
-
-def gaps(tables: Iterable[Table], minimum: float = 1.0) -> list[str]:
-    """Sentences on the holes of more than `minimum` seconds and 5 median intervals of a signal."""
-    found = []
-    for table in tables:
-        # messages of one burst lie apart by milliseconds: each signal has its own interval
-        holes = {
-            hole
-            for column in table.columns.values()
-            if column.strides != (0,)
-            for hole in _holes(table.time, column, minimum)
-        }
-        if holes:
-            longest, at = max(holes)
-            after = (at - int(table.time[0])) * 1e-9
-            count = "1 gap" if len(holes) == 1 else f"{len(holes)} gaps"
-            found.append(f"{table.topic}: {count}, longest {longest:.2f} s at {after:.1f} s")
-    return found
-
-
-def _holes(time: Stamps, column: NDArray, minimum: float) -> Iterator[tuple[float, int]]:
-    """Length [s] and start [ns] of each hole."""
-    limit, last = 0.0, np.empty(0, np.int64)
-    for rows in blocks(len(time)):
-        known = np.concatenate([last, time[rows][np.isfinite(column[rows])]])
-        steps = np.diff(known) * 1e-9
-        if len(steps) < 2:
-            last = known
-            continue
-        limit = limit or max(minimum, 5 * float(np.median(steps)))
-        wide = steps > limit
-        yield from zip(steps[wide].tolist(), known[:-1][wide].tolist(), strict=True)
-        last = known[-1:]
-        release([time, column])

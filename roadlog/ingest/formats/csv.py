@@ -78,9 +78,16 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
             f"'{found.names[0]}' to '{found.names[-1]}' in the profile ([time] column first)"
         )
     clock = times.time_column(found.names, profile.clock.column, str(path))
-    wanted = [clock, *(n for n in found.names if n != clock and profile.reads(n))]
-    unit = times.unit_stated(profile.clock.unit, found.units.get(clock, ""))
-    reading = _Reading(path, found, wanted, RowClock(unit, profile.clock.zone))
+    wanted = [n for n in found.names if n != clock and profile.reads(n)]
+    unit = times.unit_stated(profile.clock.unit, found.units.get(clock, ""), times.bracketed(clock))
+    return rows(path, found, clock, wanted, RowClock(unit, profile.clock.zone))
+
+
+def rows(
+    path: Path, found: Layout, clock: str, wanted: Sequence[str], stamps: RowClock
+) -> Recording:
+    """The rows of a table of a known layout. Raises LogReadError naming the row."""
+    reading = _Reading(path, found, [clock, *wanted], stamps)
     with path.open("rb") as file:
         file.seek(found.start)
         for block in _blocks(file, found.encoding):

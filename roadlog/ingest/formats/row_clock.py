@@ -17,10 +17,12 @@ GAP = 1.5  # median steps; after more than that the rows were not spread over th
 class RowClock:
     """Stamps of a time column as its blocks come.
 
-    unit: of numbers; where nothing states it, by their size. zone: of dates without one.
+    unit: of numbers; where nothing states it, by their size. zone: of dates without one. day: ns
+    of the midnight from which a clock without a date counts.
     """
 
-    def __init__(self, unit: str = "", zone: str = "") -> None:
+    def __init__(self, unit: str = "", zone: str = "", day: int = 0) -> None:
+        self.day = day
         self.unit = unit
         self.zone = zone
         self.rows = 0
@@ -46,12 +48,12 @@ class RowClock:
         falls = np.diff(stamps, prepend=before) < -HALF_DAY
         days = self.days + np.cumsum(falls)
         self._last, self.days = int(stamps[-1]), int(days[-1])
-        return np.asarray(stamps + days * times.DAY)
+        return np.asarray(stamps + days * times.DAY + self.day)
 
     def stamps(self, name: str) -> tuple[Stamps, list[str]]:
         """All stamps, coarse ones spread evenly, and what there is to say of them."""
         notes = []
-        if self.unit == "hhmmss":
+        if self.unit == "hhmmss" and not self.day:
             notes.append(f"{name}: its time is a time of day (hhmmss)")
         if self.days:
             notes.append(f"{name}: its clock passes midnight")

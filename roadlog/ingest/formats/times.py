@@ -34,6 +34,7 @@ FORMATS = (
 _CLOCK = re.compile(
     r"^\s*(.*?\d{1,2}:\d{2}):(\d{2})(?:[.,:](\d+))?\s*([A-Za-z]{0,3}|[+-]\d{2}:?\d{2})\s*$"
 )
+_BRACKETS = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
 LAST_STAMP = 2**62  # ns, year 2116: int64 holds the difference of two stamps too
 MINUTE = 60 * 10**9 + 10**9  # ns, one with a leap second
 DAY = 86400 * 10**9  # ns
@@ -54,7 +55,7 @@ def time_column(names: Sequence[str], column: str, where: str) -> str:
         if column not in names:
             raise ConfigError(f"{where}: no time column '{column}'. {near(column, names)}")
         return column
-    folded = {name.lower(): name for name in reversed(names)}
+    folded = {without_unit(name).lower(): name for name in reversed(names)}
     for name in TIME_NAMES:
         if name in folded:
             return folded[name]
@@ -62,6 +63,17 @@ def time_column(names: Sequence[str], column: str, where: str) -> str:
         f'{where}: which column is the time? Say [time] column = "..." in the profile. '
         + near("time", names)
     )
+
+
+def without_unit(name: str) -> str:
+    """`Time (s)` and `Time [s]` without what stands in brackets at the end."""
+    return _BRACKETS.sub("", name).strip() or name
+
+
+def bracketed(name: str) -> str:
+    """What stands in brackets at the end of a name; empty for nothing."""
+    found = _BRACKETS.search(name)
+    return found[1].strip() if found else ""
 
 
 def stamps(
