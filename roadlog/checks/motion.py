@@ -7,7 +7,7 @@ its cause.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from roadlog.motion.evidence import (
     Lag,
     correlation,
 )
+from roadlog.motion.lag import Track, shift
 from roadlog.signals import AXES, WHEELS
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
@@ -127,7 +128,7 @@ def latency(exam: Examination) -> None:
                 f'finds the offset, or give the speed delay = "{lag.lag:.2f} s"',
                 lag.lag,
             )
-        elif abs(lag.lag) > LATENCY:
+        elif abs(lag.lag) > LATENCY and not abs(lag.lag) <= 2 * lag.sd:
             way = "behind" if lag.lag > 0 else "ahead of"
             exam.add(
                 "latency",
@@ -260,11 +261,19 @@ def _longitudinal(evidence: Evidence, speed: Floats) -> tuple[Floats, Floats, La
             lag = evidence.lag(other, late, reach)
             if lag is not None and abs(lag.r) > CLEAR and np.nanstd(other) > LIVELY:
                 # the axis that carries it, not one that follows it by a little pitch
-                found.append((float(np.nanstd(other)), other, lag))
+                found.append((float(np.nanstd(other)), axis, other, lag))
         if found:
-            _, other, lag = max(found, key=lambda item: item[0])
-            return other, late, lag
+            _, axis, other, lag = max(found, key=lambda item: item[0])
+            return other, late, _exactly(evidence, evidence[f"imu.accel_{axis}"], speed, lag)
     return None
+
+
+def _exactly(evidence: Evidence, accel: Floats, speed: Floats, lag: Lag) -> Lag:
+    """The lag without the bias that a slow speed gives the correlation, and its sd."""
+    time = np.arange(len(speed)) / evidence.rate
+    ahead = Track.of_acceleration(time, np.sign(lag.r) * accel)
+    fine = shift(ahead, Track.of_speed(time, speed), -lag.lag)
+    return lag if fine is None else replace(lag, lag=-fine.seconds, sd=fine.sd)
 
 
 def _lateral_ratios(

@@ -183,6 +183,16 @@ class Profile:
         return (entry for table in self.entries.values() for entry in table.values())
 
 
+@dataclass(frozen=True)
+class Everything(Profile):
+    """Reads all that a source has."""
+
+    def reads(self, column: str, *frames: str) -> bool:
+        """Whatever the name."""
+        del column, frames
+        return True
+
+
 def shipped() -> list[str]:
     """Names of the profiles that come with roadlog."""
     folder = files("roadlog").joinpath("profiles")

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from roadlog.ingest import Source, expanded, open_source
+from roadlog.ingest import Source, expanded, mapping, open_source
 from roadlog.ingest.drafting.by_type import by_type
-from roadlog.ingest.drafting.draft import Draft
+from roadlog.ingest.drafting.draft import Draft, Guess
 from roadlog.ingest.drafting.inference import by_data
 from roadlog.ingest.drafting.match import match
 from roadlog.ingest.drafting.time_guess import clock_of, first_rows
-from roadlog.ingest.frame import Frame, joined
-from roadlog.ingest.profile import Clock, Profile, fitting
+from roadlog.ingest.frame import Frame, Recording, joined
+from roadlog.ingest.profile import Clock, Everything, Profile, fitting
 
 NOTHING = (
     "No name in it looks like a signal that roadlog knows. Write what is which, e.g.",
@@ -27,14 +27,7 @@ NOTHING = (
 )
 
 
-@dataclass(frozen=True)
-class _Everything(Profile):
-    """Reads all that a source has."""
-
-    def reads(self, column: str, *frames: str) -> bool:
-        """Whatever the name."""
-        del column, frames
-        return True
+DEVICES = ("phone", "receiver", "camera")  # profiles of devices that lie in the car in any way
 
 
 def starter(sources: Sequence[Path | str], dbc: Sequence[Path] = ()) -> str:
@@ -46,9 +39,11 @@ def starter(sources: Sequence[Path | str], dbc: Sequence[Path] = ()) -> str:
     LogReadError for an unreadable source.
     """
     paths, databases, _ = expanded([Path(source) for source in sources], dbc)
-    opened = [open_source(path, _Everything("everything", ""), databases) for path in paths]
+    opened = [open_source(path, Everything("everything", ""), databases) for path in paths]
     own = {source.format.profile for source in opened}
     if len(own) == 1 and (name := own.pop()):
+        if name in DEVICES:
+            return _of_device(Profile.load(name), [s.read(databases) for s in opened]).toml()
         return f"# the shipped profile {name}, which fits this source\n{Profile.load(name).text}"
     names = ", ".join(path.name for path in paths)
     head = [f"A profile to start from, for {names}. Check each line, then see `info`."]
@@ -78,7 +73,21 @@ def starter(sources: Sequence[Path | str], dbc: Sequence[Path] = ()) -> str:
 
 def _with(source: Source, clock: Clock) -> Source:
     """The source, all of it to be read on that clock."""
-    return replace(source, profile=_Everything("everything", "", clock))
+    return replace(source, profile=Everything("everything", "", clock))
+
+
+def _of_device(profile: Profile, recordings: Sequence[Recording]) -> Draft:
+    """The entries of a device's profile that are there, its mounting by the drive."""
+    frames = joined(frame for recording in recordings for frame in recording.frames)
+    located, _ = mapping.locate(profile, frames)
+    draft = Draft({}, frames)
+    draft.head = [f"The profile {profile.name}, with the mounting that this drive shows."]
+    draft.guesses = [
+        Guess(e.role, frame, column, e.unit, True, e.scale, e.offset, e.delay, typed=True)
+        for e, frame, column in located
+    ]
+    by_data(draft)
+    return draft
 
 
 def _timeless(source: Source) -> list[Frame]:

@@ -24,6 +24,8 @@ BUILT_IN = (
     "vbo",
     "parquet",
     "obd",
+    "gnsslogger",
+    "phone",
     "csv",
 )
 

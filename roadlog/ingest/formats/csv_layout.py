@@ -36,7 +36,7 @@ NOTHING = frozenset(("", "-", "--", "na", "n/a", "null", "none", "nan", "inf", "
 _OTHERS = re.compile(
     r"m?bar|[kh]?pa|psi|m?v|m?a|k?w|hp|ps|[ckf]|deg[cf]|celsius|k?hz|m?l|g/s|kg|gal|ohm|lambda|#|"
     r"deg/m|1/m|l/h|l/100 ?km|count|bool|raw|hh:?mm:?ss|enum|state|degrees|minutes|ratio|lap|bit|"
-    r"text|°[cf]",
+    r"text|°[cf]|unix time|sats",
     re.IGNORECASE,
 )
 
@@ -128,6 +128,8 @@ def _header(
         rows = fitting[-1:]
     if not rows:
         return [f"column {k + 1}" for k in range(width)], {}, True
+    if len(rows) > 2 and _repeats(rows[-1]):
+        rows.pop()  # which device each column comes from (RaceChrono)
     units: list[str] = []
     over = [row for row in rows[:-1] if len(row) >= len(rows[-1]) - 1]
     if over and _are_units(rows[-1]):
@@ -135,6 +137,12 @@ def _header(
         rows = over
     names = _distinct(next((row for row in reversed(rows) if len(row) == width), rows[-1]))
     return names, {n: unit for n, unit in zip(names, units, strict=False) if unit}, False
+
+
+def _repeats(fields: Sequence[str]) -> bool:
+    """Whether a row is mostly repetitions, as no row of names is."""
+    held = [field for field in fields if field]
+    return 2 * len(set(held)) <= len(held)
 
 
 def _distinct(names: Sequence[str]) -> list[str]:
@@ -185,7 +193,7 @@ def _are_units(fields: Sequence[str]) -> bool:
         if field.lower() in NOTHING or _OTHERS.fullmatch(field):
             continue
         try:
-            known += canonical(field) in UNITS
+            known += canonical("g" if field == "G" else field) in UNITS
         except ConfigError:
             return _look_like_units(fields)
     return known > 0
