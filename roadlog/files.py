@@ -28,6 +28,9 @@ except ImportError:  # no locks on this system: what is left over stays
 BUFFER = 1 << 20  # bytes that are written to the file at once
 OWNER_WRITES = 0o200
 TRIES = 3  # to make a temporary file
+written: list[Path] = []  # files that took their place, for who has to say what was done
+_parts: set[Path] = set()  # passing names that are in use
+
 _PART = re.compile(r"\.roadlog-([0-9a-f]{1,16})-[0-9a-f]{16}\.part")
 NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0) | os.O_CLOEXEC
 
@@ -83,6 +86,9 @@ def check_unprotected(path: Path, status: os.stat_result) -> None:
         raise LogWriteError(
             f"{path}: is write-protected; write elsewhere (-o), or allow it: chmod u+w {path}"
         )
+
+
+_outputs: dict[Path, State | None] = {}  # what stood there when they were asked for
 
 
 @dataclass
@@ -153,32 +159,41 @@ def temporary(folder: Path, mode: int = 0o666) -> Iterator[Part]:
             yield part
     finally:
         part.path.unlink(missing_ok=True)
+        _parts.discard(part.path)
+
+
+def abandon() -> None:
+    """Remove what is being written at this moment: the process ends."""
+    for path in list(_parts):
+        with suppress(OSError):
+            path.unlink()
 
 
 @contextmanager
-def replacing(path: Path, *, force: bool = True) -> Iterator[IO[bytes]]:
+def replacing(path: Path) -> Iterator[IO[bytes]]:
     """A file that takes the place of `path` when all went well, with its permissions.
 
-    force: what stands there now may go; without it nothing may stand there. A link is replaced, not
-    followed. Raises LogWriteError.
+    What stands there now may go, of an `output` what stood there then; anything else stays. A link
+    is replaced, not followed. Raises LogWriteError.
     """
     try:
-        standing = state(path)
+        standing = _outputs[path] if path in _outputs else state(path)
         if standing is not None:
-            check_output(path, force=force)
+            check_output(path, force=True)
         private = standing is not None and path.is_file() and not path.is_symlink()
         with temporary(path.parent, 0o600 if private else 0o666) as part:
             yield part.file
             part.sync()
             part.become(path, standing)
+            written.append(path)
     except OSError as error:
         raise LogWriteError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def write(path: Path, content: bytes | str, *, force: bool = True) -> None:
+def write(path: Path, content: bytes | str) -> None:
     """A whole file at once; text as UTF-8. Raises LogWriteError."""
     data = content if isinstance(content, bytes) else content.encode("utf-8", "replace")
-    with replacing(path, force=force) as file:
+    with replacing(path) as file:
         file.write(data)
 
 
@@ -236,12 +251,15 @@ def _new(folder: Path, mode: int) -> Part:
     for _ in range(TRIES):
         chance = secrets.token_hex(8)
         first = folder / f".roadlog-0-{chance}.part"
+        _parts.add(first)
         handle = os.open(first, os.O_RDWR | os.O_CREAT | os.O_EXCL | NO_FOLLOW, mode)
         file = os.fdopen(handle, "w+b", BUFFER)
         path = folder / f".roadlog-{os.fstat(handle).st_ino:x}-{chance}.part"
+        _parts.add(path)
         try:
             if lock(file):
                 first.rename(path)
+                _parts.discard(first)
                 return Part(file, path)
         except FileNotFoundError:  # another run took it for a killed one's before it was locked
             pass
@@ -253,19 +271,27 @@ def _new(folder: Path, mode: int) -> Part:
 
 
 @contextmanager
-def folder_for(path: Path) -> Iterator[None]:
-    """Make the folder of a file if it is missing; when the block raises it goes again, if empty.
+def output(
+    out: Path | None, inputs: Iterable[Path | str | None] = (), *, force: bool = False
+) -> Iterator[None]:
+    """A file that the block is to write, checked before any work is done; its folder is made.
 
-    Raises LogWriteError.
+    What is there by now goes only with `force`, what comes there meanwhile not at all. When the
+    block raises, a folder that was made goes again. None is no output. Raises LogWriteError.
     """
-    missing, folder = [], path.parent
+    if out is None:
+        yield
+        return
+    check_output(out, (Path(given) for given in inputs if given), force=force)
+    missing, folder = [], out.parent
     while not folder.exists():
         missing.append(folder)
         folder = folder.parent
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        out.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise LogWriteError(f"{path}: cannot be written: {error.strerror}") from error
+        raise LogWriteError(f"{out}: cannot be written: {error.strerror}") from error
+    _outputs[out] = state(out)
     try:
         yield
     except BaseException:
@@ -273,3 +299,5 @@ def folder_for(path: Path) -> Iterator[None]:
             with suppress(OSError):  # there is something in it
                 each.rmdir()
         raise
+    finally:
+        del _outputs[out]

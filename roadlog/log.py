@@ -271,7 +271,6 @@ class DriveLog:
         vehicle: Vehicle | None = None,
         out: Path | None = None,
         in_place: bool = False,
-        force: bool = True,
         faults: Sequence[Finding] = (),
     ) -> None:
         """Put estimates into the log, in place of earlier ones of the same name.
@@ -280,8 +279,8 @@ class DriveLog:
         in memory; others are known by themselves.
         Everything else stays byte for byte; the file is replaced at once or not at all. vehicle:
         stored in the log when given. in_place: change the file itself, with an undo journal beside
-        it, instead of writing a copy. faults: kept with each estimate. force: what stands at `out`
-        may go. Raises LogWriteError, also where the log is not the one any more that was read.
+        it, instead of writing a copy. faults: kept with each estimate. Raises
+        LogWriteError, also where the log is not the one any more that was read.
         """
         names = set(names)
         if in_place or not names:  # a file that is being changed waits for nothing
@@ -316,7 +315,6 @@ class DriveLog:
                 drop_metadata=replaced.__contains__,
                 out=out,
                 in_place=in_place,
-                force=force,
                 check=self._check_same,
             )
         if out is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import warnings
 from typing import Annotated
@@ -76,6 +77,7 @@ def main() -> None:
     warnings.showwarning = console.show_warning
     from roadlog.cli.config import default_map
 
+    logging.getLogger("roadlog").addHandler(console.Said())
     try:
         root = typer.main.get_command(app)
         root(default_map=default_map(root))

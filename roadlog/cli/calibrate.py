@@ -26,6 +26,7 @@ def calibrate(
         typer.Option(help="Vehicle file with what is known, instead of the first log's own."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    force: console.Force = False,
 ) -> None:
     """Find mounting, delays, scales, biases and gradients, each with its standard error.
 
@@ -36,13 +37,14 @@ def calibrate(
     """
     from roadlog.calibrate import calibrate as find
     from roadlog.car.vehicle import Vehicle
-    from roadlog.files import write
+    from roadlog.files import output, write
     from roadlog.log import DriveLog
 
-    opened = [DriveLog(path) for path in dict.fromkeys(logs)]
-    base = Vehicle.load(vehicle) if vehicle else opened[0].vehicle
-    found = find({str(log.path): log.drive() for log in opened}, base)
-    write(out, found.vehicle.to_toml())
+    with output(out, [*logs, vehicle], force=force):
+        opened = [DriveLog(path) for path in dict.fromkeys(logs)]
+        base = Vehicle.load(vehicle) if vehicle else opened[0].vehicle
+        found = find({str(log.path): log.drive() for log in opened}, base)
+        write(out, found.vehicle.to_toml())
     if as_json:
         console.print_json(_report(found, opened, out))
     else:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import sys
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
 LOSS = 3  # exit code: finished, but something was lost
 PIPE_WIDTH = 140  # columns of a table that is not on a terminal
+
+Force = Annotated[bool, typer.Option("--force", help="Replace the output if it is there.")]
 
 debug = False
 
@@ -29,6 +32,13 @@ def complain(text: str) -> None:
 def show_warning(message: Warning | str, *_: object, **__: object) -> None:
     """`warnings.showwarning` of the command line: one line, without where in the code it was."""
     complain(f"warning: {message}")
+
+
+class Said(logging.Handler):
+    """What the library says while it works, as lines of diagnostics."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        complain(record.getMessage())
 
 
 def _plain(line: str) -> str:

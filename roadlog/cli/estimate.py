@@ -51,6 +51,7 @@ def estimate(
         bool, typer.Option(" /--no-checks", help="Do not look for faults of the log first.")
     ] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    force: console.Force = False,
 ) -> None:
     """Estimate the angles and write them into the log.
 
@@ -62,6 +63,7 @@ def estimate(
     Example: roadlog estimate drive.mcap -e kmbe --set kmbe.smooth=false
     """
     from roadlog.car.vehicle import Vehicle
+    from roadlog.files import output
     from roadlog.filters import ENGINES
 
     if engine not in ENGINES:
@@ -75,14 +77,15 @@ def estimate(
     parsed = _parse_settings(settings or [])
     given = Vehicle.load(vehicle) if vehicle else None
     reports, losses = [], []
-    for path in logs:
-        report, lost = _estimate_log(
-            path, profile, names, out, in_place, given, parsed, engine, rate, checks
-        )
-        reports.append(report)
-        losses += lost
-        if not as_json:
-            _print(report)
+    with output(out, [*logs, vehicle, profile], force=force):
+        for path in logs:
+            report, lost = _estimate_log(
+                path, profile, names, out, in_place, given, parsed, engine, rate, checks
+            )
+            reports.append(report)
+            losses += lost
+            if not as_json:
+                _print(report)
     if as_json:
         console.print_json(reports[0] if len(reports) == 1 else reports)
     console.warn_losses(losses)

@@ -32,6 +32,7 @@ def evaluate(
     remove_offset: Annotated[
         bool, typer.Option(help="Subtract the mean error (unknown mounting).")
     ] = False,
+    force: console.Force = False,
 ) -> None:
     """Compare every estimate in the log with its truth.
 
@@ -41,19 +42,21 @@ def evaluate(
     Example: roadlog evaluate drive.mcap --remove-offset
     """
     from roadlog import metrics
+    from roadlog.files import output
     from roadlog.log import DriveLog
 
     results: list[tuple[DriveLog, Metrics]] = []
     stops: list[dict[str, StopMetrics]] = []
-    for path in logs:
-        log = DriveLog(path, profile)
-        results.append((log, metrics.evaluate(log, skip, remove_offset)))
-        stops.append(metrics.stop_metrics(log, remove_offset))
+    with output(csv, [*logs, profile], force=force):
+        for path in logs:
+            log = DriveLog(path, profile)
+            results.append((log, metrics.evaluate(log, skip, remove_offset)))
+            stops.append(metrics.stop_metrics(log, remove_offset))
+        if csv is not None:
+            _write_csv(csv, [(str(log.path), values) for log, values in results])
     for log, _ in results:
         for warning in log.warnings:
             console.complain(f"warning: {log.path}: {warning}")
-    if csv is not None:
-        _write_csv(csv, [(str(log.path), values) for log, values in results])
     if as_json:
         documents = [
             metrics.to_json(log, values, remove_offset, at_stops)

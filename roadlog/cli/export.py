@@ -25,14 +25,17 @@ def export(
         float | None,
         typer.Option(metavar="HZ", min=1e-3, max=1e5, help="One grid instead of own times."),
     ] = None,
+    force: console.Force = False,
 ) -> None:
     """Write a log as CSV or Parquet: one row a stamp, one column a signal.
 
     Example: roadlog export drive.mcap -o drive.csv --topics /imu,/speed --rate 50
     """
     from roadlog.export import export as write
+    from roadlog.files import output
 
-    rows, columns, losses = write(log, out, _split(topics), _split(roles), rate)
+    with output(out, [log], force=force):
+        rows, columns, losses = write(log, out, _split(topics), _split(roles), rate)
     console.say(f"{out}: {rows} rows, {len(columns)} columns beside time_ns")
     console.warn_losses(losses)
 

@@ -29,7 +29,7 @@ def info(
     from roadlog.log import DriveLog
     from roadlog.summary import summarize
 
-    opened = DriveLog(log, profile)
+    opened = DriveLog(log, profile, recover=False)
     summary = summarize(opened)
     if as_json:
         console.print_json(asdict(summary))

@@ -52,6 +52,7 @@ def ingest(
         ),
     ] = "",
     vehicle: Annotated[Path | None, typer.Option(help="Vehicle file to keep in the log.")] = None,
+    force: console.Force = False,
 ) -> None:
     """Turn what the logger wrote into one MCAP drive log.
 
@@ -61,6 +62,7 @@ def ingest(
     Example: roadlog ingest drive.csv -o drive.mcap --profile logger.toml
     """
     from roadlog.car.vehicle import Vehicle
+    from roadlog.files import output
     from roadlog.ingest import ingest as read
     from roadlog.log import create
 
@@ -68,8 +70,10 @@ def ingest(
         raise typer.BadParameter("must be gnss or a file", param_hint="--truth-from")
     given = Vehicle.load(vehicle) if vehicle else None
     offsets = _offsets(time_offset or [], sources)
-    result = read(sources, profile, dbc or [], truth_from, offsets, timezone)
-    create(out, result.tables, result.metadata, given)
+    tables = [str(text).rpartition("=")[2] for text in dbc or []]
+    with output(out, [*sources, profile, *tables, truth_from, vehicle], force=force):
+        result = read(sources, profile, dbc or [], truth_from, offsets, timezone)
+        create(out, result.tables, result.metadata, given)
     _print(result, out)
     console.warn_losses(result.losses)
 

@@ -25,6 +25,7 @@ def plot(
         list[str] | None,
         typer.Option("-e", "--estimator", metavar="NAME", help="Only this one; repeatable."),
     ] = None,
+    force: console.Force = False,
 ) -> None:
     """Draw angles against truth with ±2 sd bands, and errors.
 
@@ -32,6 +33,7 @@ def plot(
 
     Example: roadlog plot drive.mcap -e fusion -e kmbe -o grade.svg
     """
+    from roadlog.files import output
     from roadlog.log import DriveLog
     from roadlog.view.figure import SUFFIXES, write_figure
     from roadlog.view.model import drive_view
@@ -40,11 +42,12 @@ def plot(
         raise typer.BadParameter(
             f"{out}: must end in {', '.join(SUFFIXES)}", param_hint="'-o' / '--out'"
         )
-    opened = [DriveLog(path, profile) for path in logs]
-    shown = drive_view(opened, names or ())
-    for note in shown.notes:
-        console.complain(f"note: {note}")
-    write_figure(shown, out)
+    with output(out, [*logs, profile], force=force):
+        opened = [DriveLog(path, profile) for path in logs]
+        shown = drive_view(opened, names or ())
+        for note in shown.notes:
+            console.complain(f"note: {note}")
+        write_figure(shown, out)
     drawn = {name for labels in shown.shown.values() for name in labels}
     console.say(f"{out}: {', '.join(name for name in shown.estimators if name in drawn)}")
     console.warn_losses([f"{log.path}: {loss}" for log in opened for loss in log.losses])

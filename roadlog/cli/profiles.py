@@ -32,6 +32,7 @@ def new(
         list[Path] | None,
         typer.Option(metavar="[BUS=]F", help="DBC file for raw CAN; repeatable."),
     ] = None,
+    force: console.Force = False,
 ) -> None:
     """Write a profile to start from, by names, units and the data itself.
 
@@ -39,16 +40,16 @@ def new(
 
     Example: roadlog profile new drive.csv -o logger.toml
     """
-    from roadlog.files import check_output, write
+    from roadlog.files import output, write
     from roadlog.ingest.drafting.starter import starter
 
-    if out is not None:
-        check_output(out, [*sources, *(dbc or [])])
-    text = starter(sources, dbc or [])
-    if out is None:
-        console.say(text.rstrip())
-        return
-    write(out, text, force=False)
+    tables = [str(text).rpartition("=")[2] for text in dbc or []]
+    with output(out, [*sources, *tables], force=force):
+        text = starter(sources, dbc or [])
+        if out is None:
+            console.say(text.rstrip())
+            return
+        write(out, text)
     words = ["roadlog", "ingest", *map(str, sources), "-o", "drive.mcap", "--profile", str(out)]
     words += [word for path in dbc or [] for word in ("--dbc", str(path))]
     console.say(f"{out}: check its comments, then")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from roadlog import interrupt
 from roadlog.cli import console
 
 if TYPE_CHECKING:
@@ -124,10 +125,10 @@ def report(
                 done_before=before,
             )
     except KeyboardInterrupt:
-        console.complain(
+        interrupt.tell(
             f"stopped: {finished} of {len(sources)} logs are done; --resume goes on with the rest"
         )
-        raise typer.Exit(130) from None
+        raise
     _end(made, out)
 
 

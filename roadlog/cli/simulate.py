@@ -30,6 +30,7 @@ def simulate(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Set a parameter; repeatable."),
     ] = None,
+    force: console.Force = False,
 ) -> None:
     """Simulate a drive: its sensors and the true angles.
 
@@ -40,6 +41,7 @@ def simulate(
     """
     from roadlog import simulate as simulator
     from roadlog.car.vehicle import Vehicle
+    from roadlog.files import output
     from roadlog.log import create
     from roadlog.roads.formats import read
 
@@ -49,17 +51,18 @@ def simulate(
         if not (key and equals):
             raise typer.BadParameter(f"'{text}' is not KEY=VALUE", param_hint="--set")
         overrides[key.strip()] = value.strip()
-    simulation = simulator.simulate(
-        scenario,
-        seed=seed,
-        ideal=ideal,
-        full=full,
-        vehicle=Vehicle.load(vehicle) if vehicle else None,
-        load=load,
-        overrides=overrides,
-        road=read(road) if road else None,
-    )
-    create(out, simulation.tables, simulation.metadata, simulation.vehicle)
+    with output(out, [scenario, vehicle, road], force=force):
+        simulation = simulator.simulate(
+            scenario,
+            seed=seed,
+            ideal=ideal,
+            full=full,
+            vehicle=Vehicle.load(vehicle) if vehicle else None,
+            load=load,
+            overrides=overrides,
+            road=read(road) if road else None,
+        )
+        create(out, simulation.tables, simulation.metadata, simulation.vehicle)
     messages = sum(len(table) for table in simulation.tables)
     duration = simulation.motion.time[-1]
     name = simulation.scenario.name

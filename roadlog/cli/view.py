@@ -38,6 +38,7 @@ def view(
         list[str] | None,
         typer.Option("-e", "--estimator", metavar="NAME", help="Only this one; repeatable."),
     ] = None,
+    force: console.Force = False,
 ) -> None:
     """Show drives in Rerun: angles, errors, inputs, scene, map, stops, summary.
 
@@ -45,6 +46,7 @@ def view(
 
     Example: roadlog view drive.mcap causal.mcap -e fusion --save compare.rrd
     """
+    from roadlog.files import output
     from roadlog.log import DriveLog
     from roadlog.view import viewer
     from roadlog.view.model import drive_view
@@ -56,21 +58,29 @@ def view(
     viewer.check_version()
     if connect is not None:
         viewer.check_listening(connect)
-    opened = [DriveLog(path, profile) for path in logs]
-    shown = drive_view(opened, names or (), rate)
-    for note in shown.notes:
-        console.complain(f"note: {note}")
-    _show(shown, save, web, png, connect)
+    with output(save, [*logs, profile], force=force), viewer.scratch() as folder:
+        opened = [DriveLog(path, profile) for path in logs]
+        shown = drive_view(opened, names or (), rate)
+        for note in shown.notes:
+            console.complain(f"note: {note}")
+        _show(shown, save, web, png, connect, folder, force)
     console.warn_losses([f"{log.path}: {loss}" for log in opened for loss in log.losses])
 
 
 def _show(
-    shown: DriveView, save: Path | None, web: bool, png: Path | None, connect: str | None
+    shown: DriveView,
+    save: Path | None,
+    web: bool,
+    png: Path | None,
+    connect: str | None,
+    folder: Path,
+    force: bool,
 ) -> None:
     from roadlog.view import viewer
     from roadlog.view.recording import send_recording, write_recording
 
-    path = save or viewer.recording_path()
+    is_ours = web or png is not None  # a window loads its recording when we are gone
+    path = save or (folder / "drive.rrd" if is_ours else viewer.recording_path())
     if save is not None or connect is None:
         write_recording(shown, path)
         size = path.stat().st_size / 1e6
@@ -81,7 +91,7 @@ def _show(
         send_recording(shown, connect)
         console.say(f"sent to {connect}")
     elif png is not None:
-        for picture in viewer.pictures(path, png, shown.duration / 2):
+        for picture in viewer.pictures(path, png, shown.duration / 2, force=force):
             console.say(str(picture))
     elif web:
         viewer.serve(path, lambda url: console.complain(f"open {url} (Ctrl-C ends)"))

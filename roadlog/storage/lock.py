@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
-import fcntl
+import logging
 import os
+import signal
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 
+from roadlog import files
 from roadlog.errors import LogWriteError
+
+try:
+    import fcntl
+except ImportError:  # no locks on this system
+    fcntl = None  # type: ignore[assignment]
+
+SAID_AFTER = 2.0  # s of waiting
+LIMIT = 600.0  # s of waiting; another run with every estimator on a long drive takes minutes
+PAUSE = 0.05  # s between two tries, where waiting cannot be interrupted
+
+_said = logging.getLogger("roadlog")
 
 
 @contextmanager
@@ -17,21 +33,70 @@ def exclusive(path: Path) -> Iterator[None]:
 
     A log is replaced by renaming, so a lock that was waited for may be on a file that is gone: then
     the new one is locked. The system lets go of the lock when the process dies. File systems
-    without locks are taken as they are. Raises LogWriteError when the log cannot be opened.
+    without locks are taken as they are. Raises LogWriteError when the log cannot be opened, and
+    where it stays locked.
     """
+    deadline = time.monotonic() + LIMIT
     while True:
         try:
-            handle = os.open(path, os.O_RDONLY)
+            handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
         except OSError as error:
             raise LogWriteError(f"{path}: cannot be opened: {error.strerror}") from error
         try:
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX)
-            except OSError:
-                yield
-                return
-            if os.path.samestat(os.fstat(handle), path.stat()):
+            if not files.lock(handle):
+                _wait(handle, path, deadline)
+            if _is_there(handle, path):
                 yield
                 return
         finally:
             os.close(handle)
+
+
+def _is_there(handle: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(handle), path.stat())
+    except FileNotFoundError:
+        return False  # opening it anew says so
+
+
+def _wait(handle: int, path: Path, deadline: float) -> None:
+    """Lock a file that another process has locked; say so when it takes long."""
+    if _locked_within(handle, SAID_AFTER):
+        return
+    left = max(0.0, deadline - time.monotonic())
+    _said.warning("%s: is locked by another program; waiting for it, %.0f s at most", path, left)
+    if not _locked_within(handle, left):
+        raise LogWriteError(
+            f"{path}: stayed locked by another program for {LIMIT:.0f} s; nothing was written, run "
+            f"again when it is done"
+        )
+
+
+def _locked_within(handle: int, seconds: float) -> bool:
+    if seconds > 0 and threading.current_thread() is threading.main_thread():
+        try:
+            with _alarm(seconds):
+                fcntl.flock(handle, fcntl.LOCK_EX)
+                return True
+        except TimeoutError:
+            return False
+    end = time.monotonic() + seconds
+    while not files.lock(handle):  # only the main thread hears a clock
+        if time.monotonic() > end:
+            return False
+        time.sleep(PAUSE)
+    return True
+
+
+@contextmanager
+def _alarm(seconds: float) -> Iterator[None]:
+    def ring(_number: int, _frame: FrameType | None) -> None:
+        raise TimeoutError
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)

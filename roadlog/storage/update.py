@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roadlog.errors import LogWriteError
-from roadlog.files import check_unprotected, replacing, temporary
+from roadlog.files import check_unprotected, replacing, temporary, written
 from roadlog.storage import container, crc, journal, records
 from roadlog.storage.container import RAW, Record, Source, outer_records, walk, word
 from roadlog.storage.contents import Contents
@@ -38,7 +38,6 @@ def update_log(
     drop_metadata: Callable[[str], bool],
     out: Path | None = None,
     in_place: bool = False,
-    force: bool = True,
     check: Callable[[LogReader], None] = lambda _: None,
 ) -> None:
     """Replace what `drop` names by `tables` in an existing log; the rest stays byte for byte.
@@ -46,7 +45,7 @@ def update_log(
     drop: of topics. drop_metadata: of record names. out: write here and leave `path` as it is.
     The file is replaced at once or not at all. in_place: change the file itself from the first
     byte that differs, with an undo journal beside it, which needs no room for a second file.
-    force: what stands at `out` may go. check: raises where the log is another than was meant.
+    check: raises where the log is another than was meant.
     Raises LogReadError; LogWriteError, also where another program wrote to the log meanwhile: what
     it wrote stays.
     """
@@ -56,7 +55,7 @@ def update_log(
         plan = _Plan.of(old, drop, drop_metadata)
         start_crc = plan.start_crc(old.source)
         if out is not None:
-            with replacing(Path(out), force=force) as file:
+            with replacing(Path(out)) as file:
                 _write(Writer(file, crc=start_crc), plan, old.source, tables, metadata)
             journal.forget(Path(out))
             return
@@ -71,12 +70,14 @@ def update_log(
                 writer = Writer(file, offset=plan.first_change, crc=start_crc)
                 _write(writer, plan, before, tables, metadata)
                 file.truncate()
+            written.append(given)
             return
         try:
             with temporary(path.parent, 0o600) as part:
                 _write(Writer(part.file, crc=start_crc), plan, old.source, tables, metadata)
                 part.sync()
                 part.become(path, old.source.state)
+            written.append(given)
         except OSError as error:
             raise LogWriteError(f"{given}: cannot be written: {error.strerror}") from error
 

@@ -245,15 +245,14 @@ def write_log(
     metadata: Mapping[str, Mapping[str, str]],
     *,
     compression: str = "zstd",
-    force: bool = True,
 ) -> None:
     """Write a new log, whole or not at all. Raises LogWriteError, ConfigError.
 
-    compression: zstd, lz4 or none. force: a file that stands there may go.
+    compression: zstd, lz4 or none.
     """
     name = "" if compression == "none" else compression
     compressor(name)
-    with replacing(Path(path), force=force) as file:
+    with replacing(Path(path)) as file:
         writer = Writer(file, name)
         writer.start()
         writer.put_tables(tables)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import socket
 import subprocess
 import sys
@@ -19,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.errors import RoadlogError
-from roadlog.files import write
+from roadlog.files import output, write
+from roadlog.processes import child
 
 RERUN = (0, 41)  # the minor version that layout and recording are written for
 LOOPBACK = "127.0.0.1"
@@ -52,8 +52,15 @@ def check_version() -> None:
 
 
 def recording_path() -> Path:
-    """Where a recording goes that nobody asked to keep."""
+    """Where a recording goes that a window is to load when we are gone."""
     return Path(tempfile.mkdtemp(prefix="roadlog-view-")) / "drive.rrd"
+
+
+@contextmanager
+def scratch() -> Iterator[Path]:
+    """A folder for a recording that is not needed when we are gone."""
+    with tempfile.TemporaryDirectory(prefix="roadlog-view-") as name:
+        yield Path(name)
 
 
 def open_window(path: Path) -> None:
@@ -109,11 +116,13 @@ def check_listening(url: str) -> None:
         ) from error
 
 
-def pictures(path: Path, folder: Path, at: float, size: str = WINDOW) -> list[Path]:
+def pictures(
+    path: Path, folder: Path, at: float, size: str = WINDOW, *, force: bool = True
+) -> list[Path]:
     """Draw every tab of a recording into FOLDER/N-tab.png, without a screen.
 
-    at: s, where the cursor stands. Raises NoGraphicsError without a Vulkan driver, RoadlogError
-    when the viewer reports errors.
+    at: s, where the cursor stands. force: pictures that are there may go. Raises NoGraphicsError
+    without a Vulkan driver, RoadlogError when the viewer reports errors.
     """
     folder.mkdir(parents=True, exist_ok=True)
     written = []
@@ -122,7 +131,8 @@ def pictures(path: Path, folder: Path, at: float, size: str = WINDOW) -> list[Pa
         for k, name in enumerate(viewer.tabs, 1):
             viewer.show(name)
             target = folder / f"{k}-{name.lower()}.png"
-            write(target, viewer.picture())
+            with output(target, [path], force=force):
+                write(target, viewer.picture())
             problems = viewer.problems()
             if problems:
                 raise RoadlogError(f"{path}: tab {name}: {'; '.join(problems)}")
@@ -226,8 +236,9 @@ def _environment() -> dict[str, str]:
 @contextmanager
 def _process(command: list[str]) -> Iterator[subprocess.Popen[str]]:
     """A child that ends with the block; what it says goes to a file for `_last_words`."""
-    with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as words:
-        process = subprocess.Popen(
+    with (
+        tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as words,
+        child(
             command,
             stdin=subprocess.DEVNULL,
             stdout=words,
@@ -235,17 +246,10 @@ def _process(command: list[str]) -> Iterator[subprocess.Popen[str]]:
             text=True,
             start_new_session=True,  # Ctrl-C reaches us first, and we end it
             env=_environment(),
-        )
+        ) as process,
+    ):
         process.words = words  # type: ignore[attr-defined]
-        try:
-            yield process
-        finally:
-            if process.poll() is None:
-                process.send_signal(signal.SIGTERM)
-                with suppress(subprocess.TimeoutExpired):
-                    process.wait(5.0)
-                process.kill()
-            process.wait()
+        yield process
 
 
 def _last_words(process: Any) -> str:

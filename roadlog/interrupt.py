@@ -1,0 +1,89 @@
+"""Ctrl-C and SIGTERM: the run ends as if it had failed, at once, in compiled code too.
+
+The first signal raises KeyboardInterrupt (or SystemExit), so that every block puts back what it
+holds. Where that does not end the run in time, because something swallowed it, a thread removes
+what is half written, ends the children and the process. Imports what Python has imported anyway:
+the first instants of a run count too.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import signal
+import threading
+from types import FrameType
+from typing import NoReturn
+
+INTERRUPTED = 130  # exit code of Ctrl-C
+TERMINATED = 143  # of SIGTERM
+GRACE = 1.5  # s from the signal to the end of the process
+
+NOTHING = "nothing written"
+
+_seen: list[int] = []
+_story: list[str] = []
+
+
+def install() -> None:
+    """Take the signals of this process; called once, before the imports that take time."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) != signal.SIG_IGN:  # nohup and shells ask for that
+            signal.signal(number, _raise)
+    if hasattr(signal, "pthread_sigmask"):
+        heard, told = os.pipe()
+        os.set_blocking(told, False)
+        signal.set_wakeup_fd(told, warn_on_full_buffer=False)
+        threading.Thread(target=_watch, args=(heard,), daemon=True).start()
+
+
+def done() -> None:
+    """The run has come to its end: a signal changes nothing any more."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+
+
+def tell(text: str) -> None:
+    """What to say instead of which files were written."""
+    _story[:] = [text]
+
+
+def was_seen() -> bool:
+    """Whether a signal asked for the end."""
+    return bool(_seen)
+
+
+def end() -> NoReturn:
+    """Say what was written before the signal came, and end the process."""
+    from roadlog import files, processes
+
+    files.abandon()
+    processes.end_all()
+    written = ", ".join(str(path) for path in files.written)
+    text = _story[0] if _story else f"stopped; {f'written: {written}' if written else NOTHING}"
+    os.write(2, f"roadlog: {text}\n".encode("utf-8", "replace"))
+    if threading.current_thread() is threading.main_thread():
+        atexit._run_exitfuncs()  # pools give their semaphores back
+    # not sys.exit: Python remembers an interrupt that went through `exec` and ends by SIGINT
+    os._exit(TERMINATED if _seen[0] == signal.SIGTERM else INTERRUPTED)
+
+
+def _raise(number: int, _frame: FrameType | None) -> None:
+    if _seen:  # the first one is on its way
+        return
+    _seen.append(number)
+    if number == signal.SIGTERM:
+        raise SystemExit(TERMINATED)
+    raise KeyboardInterrupt
+
+
+def _watch(heard: int) -> None:
+    """Wait for a signal without the main thread, which may be in compiled code."""
+    number = 0
+    while number not in (signal.SIGINT, signal.SIGTERM):
+        number = os.read(heard, 1)[0]
+    main = threading.main_thread()
+    main.join(GRACE)
+    if main.is_alive() and signal.getsignal(number) is _raise:
+        _seen[:] = _seen or [number]
+        end()

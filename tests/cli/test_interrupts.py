@@ -1,0 +1,81 @@
+"""Ctrl-C and SIGTERM: one line, the right exit code, nothing half written, no child left."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from support.drives import ROOT
+
+DEADLINE = 60.0  # s, on a busy machine
+
+
+def start(*arguments: object, **options: object) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, *map(str, arguments)],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,  # type: ignore[call-overload]
+    )
+
+
+def listening(process: subprocess.Popen[str]) -> None:
+    """Wait until the process has taken its signals: then it has a second thread."""
+    deadline = time.monotonic() + DEADLINE
+    while len(list(Path(f"/proc/{process.pid}/task").iterdir())) < 2:
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize("wait", [0.0, 0.3, 1.0])
+def test_one_line_and_nothing_written(hill_log: Path, number: int, code: int, wait: float) -> None:
+    log = hill_log
+    before = log.read_bytes()
+    process = start("-m", "roadlog", "estimate", log, "-e", "kmbe", "-e", "debe")
+    listening(process)
+    time.sleep(wait)
+    process.send_signal(number)
+    output, errors = process.communicate(timeout=DEADLINE)
+    if process.returncode == 0:  # a fast machine was done
+        return
+    assert process.returncode == code, errors
+    assert errors == "roadlog: stopped; nothing written\n", output
+    assert log.read_bytes() == before
+    assert list(log.parent.iterdir()) == [log]
+
+
+# what swallows the exception, and holds neither the interpreter's lock nor a child back
+STUBBORN = """
+import ctypes, subprocess, sys, time
+from pathlib import Path
+from roadlog import files, interrupt, processes
+interrupt.install()
+with files.replacing(Path(sys.argv[1])) as file, processes.child(["sleep", "100"]) as child:
+    file.write(b"half"); file.flush()
+    print(child.pid, flush=True)
+    while True:
+        try:
+            ctypes.CDLL(None).usleep(100_000_000)
+        except KeyboardInterrupt:
+            pass
+"""
+
+
+def test_compiled_code_ends_too(tmp_path: Path) -> None:
+    process = start("-c", STUBBORN, tmp_path / "out.csv")
+    assert process.stdout is not None
+    child = int(process.stdout.readline())
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=DEADLINE)
+    assert (process.returncode, errors) == (130, "roadlog: stopped; nothing written\n")
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(ProcessLookupError):
+        os.kill(child, 0)
