@@ -60,9 +60,9 @@ from roadlog import files, interrupt, processes
 interrupt.install()
 with files.replacing(Path(sys.argv[1])) as file, processes.child(["sleep", "100"]) as child:
     file.write(b"half"); file.flush()
-    print(child.pid, flush=True)
     while True:
         try:
+            print(child.pid, flush=True)
             ctypes.CDLL(None).usleep(100_000_000)
         except KeyboardInterrupt:
             pass
