@@ -14,7 +14,8 @@ from support.drives import ROOT
 # stands on them.
 LAYERS = (
     ("errors", "types", "version", "signals"),
-    ("toml", "units", "columnar", "memory", "files", "extras", "plugins", "csv_text"),
+    ("toml", "units", "columnar", "memory", "files", "extras", "plugins", "csv_text", "processes"),
+    ("interrupt",),
     ("config", "spool", "geo", "rotation", "stamps"),
     ("storage",),
     ("drive", "location_fix"),
