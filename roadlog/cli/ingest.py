@@ -66,16 +66,24 @@ def ingest(
     from roadlog.ingest import ingest as read
     from roadlog.log import create
 
-    if truth_from not in (None, "gnss") and not Path(str(truth_from)).is_file():
-        raise typer.BadParameter("must be gnss or a file", param_hint="--truth-from")
+    _check_truth(truth_from)
     given = Vehicle.load(vehicle) if vehicle else None
     offsets = _offsets(time_offset or [], sources)
-    tables = [str(text).rpartition("=")[2] for text in dbc or []]
-    with output(out, [*sources, profile, *tables, truth_from, vehicle], force=force):
+    with output(out, [*sources, profile, *map(_file, dbc or []), truth_from, vehicle], force=force):
         result = read(sources, profile, dbc or [], truth_from, offsets, timezone)
         create(out, result.tables, result.metadata, given)
     _print(result, out)
     console.warn_losses(result.losses)
+
+
+def _check_truth(truth_from: str | None) -> None:
+    if truth_from not in (None, "gnss") and not Path(str(truth_from)).is_file():
+        raise typer.BadParameter("must be gnss or a file", param_hint="--truth-from")
+
+
+def _file(text: Path) -> str:
+    """The file of `[BUS=]FILE`."""
+    return str(text).rpartition("=")[2]
 
 
 def _offsets(texts: list[str], sources: list[Path]) -> dict[str, float]:
