@@ -1,0 +1,82 @@
+"""Logs of satellite receivers, from the file to angles, with no profile by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.phone_drive import EPOCH
+from support.receiver_formats import DRIVE, RECEIVERS
+
+from roadlog import estimators
+from roadlog.car.vehicle import Vehicle
+from roadlog.drive import Drive
+from roadlog.ingest import ingest
+from roadlog.ingest.reference.gnss import from_gnss
+
+pytest.importorskip("gpxpy")
+pytest.importorskip("fitdecode")
+pytest.importorskip("pyubx2")
+LATE = {"nmea_over_midnight": 15 * 3600 - 60}
+
+
+def table(result, topic: str):
+    return next(t for t in result.tables if t.topic == topic)
+
+
+@pytest.mark.parametrize("name", RECEIVERS)
+def test_every_receiver_gives_what_was_driven(tmp_path, name):
+    if name == "fit":
+        pytest.importorskip("fit_tool")
+    result = ingest([RECEIVERS[name](tmp_path)])
+    assert not result.losses
+    gnss = table(result, "/gnss")
+    t = gnss.time * 1e-9 - EPOCH - LATE.get(name, 0)
+    assert t[0] == pytest.approx(0, abs=1e-3)
+    assert len(t) >= 119
+    true = DRIVE.fixes(t)
+    for field, near in (("latitude", 2e-6), ("longitude", 2e-6), ("altitude", 0.11)):
+        assert np.abs(gnss.columns[field] - true[field]).max() < near
+    speed = np.abs(gnss.columns["speed"] - DRIVE.speed(t))
+    assert speed.max() < (0.3 if name == "gpx_of_positions" else 0.01)
+    if np.isfinite(gnss.columns["course"]).any():
+        apart = gnss.columns["course"] - np.radians(90 - true["course"])
+        assert np.abs(np.angle(np.exp(1j * apart)))[DRIVE.speed(t) > 1].max() < 1e-3
+    if name.startswith(("ubx", "sbf")):
+        assert np.abs(gnss.columns["climb"] - true["climb"]).max() < 2e-3
+        assert gnss.columns["vertical_accuracy"] == pytest.approx(2.0)
+    truth = from_gnss(result.tables)
+    error = np.degrees(
+        truth.columns["grade"] - DRIVE.grade(truth.time * 1e-9 - EPOCH - LATE.get(name, 0))
+    )
+    assert np.sqrt(np.mean(error**2)) < 0.5
+
+
+@pytest.mark.parametrize("name", ["ubx", "ubx_with_a_clock_of_its_own"])
+def test_a_u_blox_with_an_imu_gives_angles_and_wheel_directions(tmp_path, name):
+    result = ingest([RECEIVERS[name](tmp_path)])
+    imu = table(result, "/imu")
+    t = imu.time * 1e-9 - EPOCH
+    assert t[0] == pytest.approx(0, abs=2e-3)
+    force, rate = DRIVE.imu(t)
+    assert np.abs(imu.columns["accel_x"] - force[:, 0]).max() < 0.01
+    assert np.abs(imu.columns["gyro_z"] - rate[:, 2]).max() < 1e-3
+    assert np.abs(table(result, "/speed").columns["v"] - DRIVE.speed(t)).max() < 0.01
+    assert "wheel_ticks.rl" in result.left_over
+    drive = Drive.from_tables(result.tables)
+    grade = estimators.run("kmbe", drive, Vehicle()).angles["grade"]
+    error = np.degrees(grade - DRIVE.grade(drive.time))
+    assert np.sqrt(np.nanmean(error[2500:11000] ** 2)) < 0.5
+
+
+def test_wheel_ticks_keep_their_direction(tmp_path):
+    from roadlog.ingest.formats.ubx import read
+    from roadlog.ingest.profile import Everything
+
+    recording = read(RECEIVERS["ubx"](tmp_path), Everything("everything", ""))
+    ticks = next(f for f in recording.frames if f.name == "wheel_ticks")
+    t = ticks.time * 1e-9 - EPOCH
+    speed = 0.1 * ticks.columns["rl"]
+    assert np.mean(speed[(t > 60) & (t < 110)]) == pytest.approx(
+        np.mean(DRIVE.speed(t[(t > 60) & (t < 110)])), rel=0.02
+    )
+    assert (speed[t > 115.1] <= 0).all()
