@@ -57,7 +57,7 @@ class DriveLog:
         recover: bool = True,
     ) -> None:
         self.path = Path(path)
-        self._given = profile
+        self.given = profile
         self._open(recover)
 
     def _open(self, recover: bool = True) -> None:
@@ -82,7 +82,7 @@ class DriveLog:
         self._reader.source.close()
 
     def __reduce__(self) -> tuple:
-        return DriveLog, (self.path, self._given)  # another process opens the file itself
+        return DriveLog, (self.path, self.given)  # another process opens the file itself
 
     def __repr__(self) -> str:
         seconds = 0.0
@@ -127,8 +127,8 @@ class DriveLog:
         from roadlog.ingest import foreign
         from roadlog.ingest.profile import Profile, shipped
 
-        if self._given is not None:
-            return Profile.load(self._given)
+        if self.given is not None:
+            return Profile.load(self.given)
         record = self.metadata.get("profile", {})
         if record.get("use") == IN_PLACE:
             where = f"{self.path}: metadata 'profile'"
@@ -137,6 +137,17 @@ class DriveLog:
         if foreign.is_own(self.channels) or self.start_ns is None:
             return None
         return foreign.own_profile(self.path)
+
+    @property
+    def is_third_party(self) -> bool:
+        """Whether it is others' file, without results of roadlog in it."""
+        has_record = self.metadata.get("profile", {}).get("use") == IN_PLACE
+        return self.profile is not None and not has_record
+
+    def holds_messages_of(self, other: DriveLog) -> bool:
+        """Whether, results aside, it holds the same messages as another log."""
+        own = self._reader.fingerprint(_is_result)
+        return own == other._reader.fingerprint(_is_result)
 
     @cached_property
     def _mapped(self) -> dict[str, Table]:
@@ -272,6 +283,7 @@ class DriveLog:
         out: Path | None = None,
         in_place: bool = False,
         faults: Sequence[Finding] = (),
+        as_ros2: bool = False,
     ) -> None:
         """Put estimates into the log, in place of earlier ones of the same name.
 
@@ -279,25 +291,25 @@ class DriveLog:
         in memory; others are known by themselves.
         Everything else stays byte for byte; the file is replaced at once or not at all. vehicle:
         stored in the log when given. in_place: change the file itself, with an undo journal beside
-        it, instead of writing a copy. faults: kept with each estimate. Raises
-        LogWriteError, also where the log is not the one any more that was read.
+        it, instead of writing a copy. faults: kept with each estimate. as_ros2: as ROS 2
+        messages, the truth too, so that a bag stays one; a log with such results gets more of them.
+        Raises LogWriteError, also where the log is not the one any more that was read.
         """
         names = set(names)
         if in_place or not names:  # a file that is being changed waits for nothing
             estimates = list(estimates)
             names |= {estimate.name for estimate in estimates}
-        records: dict[str, dict[str, str]] = {}
-        if vehicle is not None:
-            records["vehicle"] = {"toml": vehicle.to_toml()}
-        if self.profile is not None:
-            origin = {"name": self.profile.name, "toml": self.profile.text}
-            records["profile"] = origin | {"use": IN_PLACE}
+        records = self._records(vehicle)
+        as_ros2 = as_ros2 or any(_is_result(c.topic) and c.encoding == "cdr" for c in self.channels)
+        truth = self._mapped.get(TRUTH_TOPIC) if as_ros2 else None
 
         def is_replaced(topic: str) -> bool:
             parts = split_estimate_topic(topic)
-            return parts is not None and parts[0] in names
+            is_truth = topic == TRUTH_TOPIC and truth is not None
+            return is_truth or (parts is not None and parts[0] in names)
 
         def tables() -> Iterator[Table]:
+            yield from () if truth is None else (truth,)
             for estimate in estimates:
                 checked = {"checks": "\n".join(map(str, faults))}
                 records[f"estimate/{estimate.name}"] = estimate.record() | checked
@@ -315,10 +327,21 @@ class DriveLog:
                 drop_metadata=replaced.__contains__,
                 out=out,
                 in_place=in_place,
+                encoding="cdr" if as_ros2 else "protobuf",
                 check=self._check_same,
             )
         if out is None:
             self._open()  # the file is another one now
+
+    def _records(self, vehicle: Vehicle | None) -> dict[str, dict[str, str]]:
+        """What goes into the log besides results: the vehicle that was given, the profile."""
+        records: dict[str, dict[str, str]] = {}
+        if vehicle is not None:
+            records["vehicle"] = {"toml": vehicle.to_toml()}
+        if self.profile is not None:
+            origin = {"name": self.profile.name, "toml": self.profile.text}
+            records["profile"] = origin | {"use": IN_PLACE}
+        return records
 
     def _check_same(self, now: LogReader) -> None:
         """Raise LogWriteError unless a log is the one that was read, maybe with other results."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +15,45 @@ if TYPE_CHECKING:
     from roadlog.car.vehicle import Vehicle
     from roadlog.drive import Drive
     from roadlog.estimate import Estimate
+    from roadlog.log import DriveLog
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where the results go, and as what."""
+
+    out: Path | None
+    in_place: bool
+    anyway: bool
+    as_ros2: bool
+
+    def of(self, log: DriveLog) -> tuple[DriveLog, Target]:
+        """The log to estimate and where its results go: beside a file of others, not into it.
+
+        Results of an earlier run beside it are added to. Raises LogWriteError where something else
+        is there.
+        """
+        from roadlog.errors import LogWriteError
+        from roadlog.log import DriveLog
+
+        if self.out is not None or self.anyway or not log.is_third_party:
+            return log, self
+        if self.in_place:
+            raise LogWriteError(
+                f"{log.path}: is a third-party log, which other programs read; give "
+                f"--in-place-anyway too, or leave --in-place out for a copy beside it"
+            )
+        out = log.path.with_name(f"{log.path.stem}.roadlog.mcap")
+        console.complain(f"note: {log.path}: a third-party log: results go into {out}")
+        if not out.exists():
+            return log, replace(self, out=out)
+        earlier = DriveLog(out, log.given)
+        if earlier.is_third_party or not earlier.holds_messages_of(log):
+            raise LogWriteError(
+                f"{out}: is there already and no copy of {log.path.name} with results; give -o, or "
+                f"--in-place-anyway to write into {log.path.name}"
+            )
+        return earlier, self
 
 
 def estimate(
@@ -32,6 +72,21 @@ def estimate(
             help="Change a very large LOG itself, with an undo journal, instead of copying it.",
         ),
     ] = False,
+    in_place_anyway: Annotated[
+        bool,
+        typer.Option(
+            "--in-place-anyway",
+            help="Write into a third-party MCAP itself, not into NAME.roadlog.mcap beside it.",
+        ),
+    ] = False,
+    form: Annotated[
+        str | None,
+        typer.Option(
+            "--as",
+            metavar="ros2",
+            help="Write results and truth as ROS 2 messages: a bag stays one for rosbags, rclpy.",
+        ),
+    ] = None,
     vehicle: Annotated[
         Path | None, typer.Option(help="Vehicle file (TOML), instead of the log's own.")
     ] = None,
@@ -74,13 +129,16 @@ def estimate(
         raise typer.BadParameter("takes one LOG", param_hint="--out")
     if out is not None and in_place:
         raise typer.BadParameter("does not go with --out", param_hint="--in-place")
+    if form not in (None, "ros2"):
+        raise typer.BadParameter("must be ros2", param_hint="--as")
     parsed = _parse_settings(settings or [])
     given = Vehicle.load(vehicle) if vehicle else None
+    target = Target(out, in_place, in_place_anyway, form == "ros2")
     reports, losses = [], []
     with output(out, [*logs, vehicle, profile], force=force):
         for path in logs:
             report, lost = _estimate_log(
-                path, profile, names, out, in_place, given, parsed, engine, rate, checks
+                path, profile, names, target, given, parsed, engine, rate, checks
             )
             reports.append(report)
             losses += lost
@@ -95,8 +153,7 @@ def _estimate_log(
     path: Path,
     profile: str | None,
     names: list[str] | None,
-    out: Path | None,
-    in_place: bool,
+    target: Target,
     given: Vehicle | None,
     settings: dict[str, dict[str, str]],
     engine: Any,
@@ -107,7 +164,7 @@ def _estimate_log(
     from roadlog.errors import EstimatorError
     from roadlog.log import DriveLog
 
-    log = DriveLog(path, profile)
+    log, target = target.of(DriveLog(path, profile))
     tables = log.inputs()
     drive = log.drive(rate, tables)
     vehicle = given or log.vehicle
@@ -134,12 +191,13 @@ def _estimate_log(
         estimates(),
         names=chosen,
         vehicle=given,
-        out=out,
-        in_place=in_place,
+        out=target.out,
+        in_place=target.in_place,
+        as_ros2=target.as_ros2,
         faults=faults,
     )
     report = {
-        "log": str(out or path),
+        "log": str(target.out or log.path),
         "duration_s": round(float(drive.time[-1]), 3),
         "checks": [str(fault) for fault in faults],
         "estimates": summaries,

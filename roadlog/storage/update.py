@@ -11,7 +11,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import IO, NamedTuple
 
 import numpy as np
 
@@ -38,6 +38,7 @@ def update_log(
     drop_metadata: Callable[[str], bool],
     out: Path | None = None,
     in_place: bool = False,
+    encoding: str = "protobuf",
     check: Callable[[LogReader], None] = lambda _: None,
 ) -> None:
     """Replace what `drop` names by `tables` in an existing log; the rest stays byte for byte.
@@ -45,7 +46,8 @@ def update_log(
     drop: of topics. drop_metadata: of record names. out: write here and leave `path` as it is.
     The file is replaced at once or not at all. in_place: change the file itself from the first
     byte that differs, with an undo journal beside it, which needs no room for a second file.
-    check: raises where the log is another than was meant.
+    encoding: of new messages ("cdr" for a bag of ROS 2). check: raises where the log is another
+    than was meant.
     Raises LogReadError; LogWriteError, also where another program wrote to the log meanwhile: what
     it wrote stays.
     """
@@ -54,9 +56,14 @@ def update_log(
         check(old)
         plan = _Plan.of(old, drop, drop_metadata)
         start_crc = plan.start_crc(old.source)
+
+        def put(file: IO[bytes], source: Source | Before, offset: int = 0) -> None:
+            writer = Writer(file, offset=offset, crc=start_crc, encoding=encoding)
+            _write(writer, plan, source, tables, metadata)
+
         if out is not None:
             with replacing(Path(out)) as file:
-                _write(Writer(file, crc=start_crc), plan, old.source, tables, metadata)
+                put(file, old.source)
             journal.forget(Path(out))
             return
         if old.contents.behind:
@@ -67,14 +74,13 @@ def update_log(
         _check_writable(given, path, in_place)
         if in_place:
             with changing(path, old.source, plan.first_change) as (before, file):
-                writer = Writer(file, offset=plan.first_change, crc=start_crc)
-                _write(writer, plan, before, tables, metadata)
+                put(file, before, plan.first_change)
                 file.truncate()
             written.append(given)
             return
         try:
             with temporary(path.parent, 0o600) as part:
-                _write(Writer(part.file, crc=start_crc), plan, old.source, tables, metadata)
+                put(part.file, old.source)
                 part.sync()
                 part.become(path, old.source.state)
             written.append(given)

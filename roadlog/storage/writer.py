@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from roadlog.errors import ConfigError, near
 from roadlog.files import replacing
-from roadlog.storage import journal, records, schemas
+from roadlog.storage import journal, records, ros2_messages, schemas
 from roadlog.storage.container import COPY_SIZE, Offsets, Source
 from roadlog.storage.journal import Before
 from roadlog.storage.messages import Wire
@@ -48,7 +48,7 @@ class Writer:
 
     offset: where the next byte goes. crc: of all bytes before it, None for unknown. taken,
     taken_schemas: ids that no new channel or schema gets. start_ns, end_ns: first and last log
-    time.
+    time. encoding: of new messages, "protobuf", or "cdr" as ROS 2 has them.
     """
 
     file: IO[bytes]
@@ -65,6 +65,7 @@ class Writer:
     taken_schemas: set[int] = field(default_factory=set)
     start_ns: int | None = None
     end_ns: int | None = None
+    encoding: str = "protobuf"
     _compressors: dict[str, Callable[[bytes | memoryview], bytes]] = field(default_factory=dict)
 
     def put(self, data: bytes | memoryview) -> None:
@@ -79,20 +80,20 @@ class Writer:
 
     def declare(self, table: Table) -> int:
         """Write the schema, unless one of the same content is there, and the channel of a table."""
-        data = schemas.descriptor_set(table.schema)
-        schema = next(
-            (s for s in self.schemas.values() if (s.name, s.data) == (table.schema, data)), None
-        )
+        if self.encoding == "cdr":
+            name, kind = ros2_messages.type_name(table.schema), "ros2msg"
+            data = ros2_messages.definition(table).encode()
+        else:
+            name, kind, data = table.schema, "protobuf", schemas.descriptor_set(table.schema)
+        schema = next((s for s in self.schemas.values() if (s.name, s.data) == (name, data)), None)
         if schema is None:
-            schema = Schema(
-                _free({*self.schemas, *self.taken_schemas}), table.schema, "protobuf", data
-            )
+            schema = Schema(_free({*self.schemas, *self.taken_schemas}), name, kind, data)
             self.schemas[schema.id] = schema
             self.put(schema.pack())
         metadata = {f"unit.{n}": u for n, u in schemas.units(table.schema).items()}
         metadata |= table.metadata
         channel = ChannelRecord(
-            _free({*self.channels, *self.taken}), schema.id, table.topic, "protobuf", metadata
+            _free({*self.channels, *self.taken}), schema.id, table.topic, self.encoding, metadata
         )
         self.channels[channel.id] = channel
         self.put(channel.pack())
@@ -103,13 +104,25 @@ class Writer:
         parts: list[tuple[int, int, Wire, slice]] = []
         for table in tables:
             id_ = self.declare(table)
-            parts += [(window, id_, wire, rows) for window, wire, rows in _windows(table, id_)]
+            parts += [(window, id_, wire, rows) for window, wire, rows in self._windows(table, id_)]
         parts.sort(key=lambda part: part[0])  # stable: tables stay in order
         for _, id_, wire, rows in parts:
             times = wire.time[rows].astype("<u8")
             data = wire.rows(rows).view(np.uint8).data
             offsets = np.arange(0, len(data), wire.size)
             self.put_chunk(data, {id_: (times, offsets)}, self.compression)
+
+    def _windows(self, table: Table, id_: int) -> Iterator[tuple[int, Wire, slice]]:
+        """Rows of a table, cut where a minute ends or a chunk is full."""
+        is_ros2 = self.encoding == "cdr"
+        wire = ros2_messages.Ros2Wire(table, id_) if is_ros2 else Wire(table, id_)
+        window = table.time // WINDOW
+        edges = np.flatnonzero(window[1:] != window[:-1]) + 1
+        most = max(1, MAX_CHUNK // wire.size)
+        starts = [0, *edges.tolist(), len(table)]
+        for first, last in pairwise(starts):
+            for start in range(first, last, most):
+                yield int(window[first]), wire, slice(start, min(start + most, last))
 
     def put_chunk(
         self, data: bytes | memoryview, index: Mapping[int, tuple[Times, Offsets]], compression: str
@@ -214,18 +227,6 @@ def _free(used: set[int]) -> int:
     """The next id; ids are 16 bits and not 0."""
     highest = max(used, default=0)
     return highest + 1 if highest < 0xFFFF else min(set(range(1, 0x10000)) - used)
-
-
-def _windows(table: Table, id_: int) -> Iterator[tuple[int, Wire, slice]]:
-    """Rows of a table, cut where a minute ends or a chunk is full."""
-    wire = Wire(table, id_)
-    window = table.time // WINDOW
-    edges = np.flatnonzero(window[1:] != window[:-1]) + 1
-    most = max(1, MAX_CHUNK // wire.size)
-    starts = [0, *edges.tolist(), len(table)]
-    for first, last in pairwise(starts):
-        for start in range(first, last, most):
-            yield int(window[first]), wire, slice(start, min(start + most, last))
 
 
 def compressor(name: str) -> Callable[[bytes | memoryview], bytes]:

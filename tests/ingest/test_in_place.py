@@ -95,7 +95,8 @@ def test_estimate_writes_in_place_and_later_commands_know_the_profile(foreign, r
     hill_log = foreign.with_name("hill.mcap")
     create(hill_log, [imu, table("speed", wheels.time, {"v": wheels.columns["fl"]}), truth])
     before = own_messages(foreign)
-    done = roadlog("estimate", "foreign.mcap", "--profile", "p.toml", "-e", "kmbe")
+    arguments = ("--profile", "p.toml", "-e", "kmbe", "--in-place-anyway")
+    done = roadlog("estimate", "foreign.mcap", *arguments)
     assert done.returncode == 0, done.stderr
     assert own_messages(foreign) == before
     done = roadlog("evaluate", "foreign.mcap", "--json")

@@ -79,16 +79,19 @@ def _reader(path: Path, stack: ExitStack) -> messages.Reader:
 
 
 def _parts(folder: Path) -> tuple[list[Path], list[str]]:
-    """The parts that lie in a folder, and sentences on those that its metadata names in vain."""
+    """The parts that a folder's metadata names, and sentences on those it names in vain.
+
+    Without names in it, all that lie there.
+    """
     there = sorted(
-        (p for p in folder.iterdir() if p.is_file() and _is_part(p)),
+        (p for p in folder.iterdir() if p.is_file() and not p.name.startswith(".")),
         key=lambda p: [int(x) if x.isdigit() else x for x in re.split(r"(\d+)", p.name)],
     )
     text = (folder / METADATA).read_text("utf-8", "replace")
-    said = dict.fromkeys(Path(name).name for name in _PART.findall(text))
-    found = {_bare(p.name) for p in there}
-    lacking = [name for name in said if _bare(name) not in found]
-    return there, [f"{folder.name}: its part {name} is missing" for name in lacking]
+    said = dict.fromkeys(_bare(Path(name).name) for name in _PART.findall(text))
+    found = [p for p in there if (not said or _bare(p.name) in said) and _is_part(p)]
+    lacking = said.keys() - {_bare(p.name) for p in found}
+    return found, [f"{folder.name}: its part {name} is missing" for name in sorted(lacking)]
 
 
 def _is_part(path: Path) -> bool:
