@@ -17,6 +17,10 @@ REACH = 3.0  # kernels to either side
 SLOWEST = 2.0  # m/s; below it the altitude changes by its noise only
 OUTAGE = 1.5  # a fix that much less accurate than the median is one below bridges and trees
 LONGEST_STEP = 3.0  # s between fixes; no slope across a longer gap
+WANDERS = 300.0  # s, in which an altitude's error becomes another one, of the accuracy stated
+USUAL = 0.8  # median over mean of a variance by the few independent errors in a window
+WIDEST = 0.05  # rad, sd from which a slope says nothing
+STEEPEST = 0.35  # rad; no road is steeper
 
 
 def from_gnss(tables: Sequence[Table]) -> Table:
@@ -24,9 +28,11 @@ def from_gnss(tables: Sequence[Table]) -> Table:
 
     A local straight line is fitted to altitude over distance with Gaussian weights (sd 4 s;
     Cleveland 1979, local regression). Distance is the integral of the GNSS speed, or of /speed.
-    Fixes whose stated accuracy is OUTAGE times worse than the drive's median are left out. sd is
-    that of the fitted slope from the scatter about the line; the receiver's slow errors are not
-    in it. Raises LogReadError without altitude and speed.
+    Fixes whose stated accuracy is OUTAGE times worse than the drive's median are left out. sd: of
+    the fitted slope, by the scatter about the line in the window and usually in the drive, by the
+    step in which altitudes are given, and by the wander that the stated accuracy allows; over a
+    short distance it is wide. Slopes that say nothing are left out. Raises LogReadError without
+    altitude and speed, or where no slope is left.
     """
     altitude = _altitude(next((t for t in tables if t.topic == SECTIONS["gnss"].topic), None))
     known_speed = speed(tables)
@@ -34,13 +40,13 @@ def from_gnss(tables: Sequence[Table]) -> Table:
         raise LogReadError(
             "--truth-from gnss needs gnss altitude and a speed; the profile maps none"
         )
-    stamps, heights = altitude
+    stamps, heights, accuracy = altitude
     v = np.interp(stamps, *known_speed)
     steps = np.diff(stamps) * 1e-9
     distance = travelled(stamps, v)
     time = (stamps - stamps[0]) * 1e-9
     run = np.concatenate([[0], np.cumsum(steps > LONGEST_STEP)])
-    grade, sd = np.full(len(time), np.nan), np.full(len(time), np.nan)
+    grade, scatter, spread = (np.full(len(time), np.nan) for _ in range(3))
     for k in np.flatnonzero(v >= SLOWEST):
         reach = REACH * KERNEL
         near = slice(
@@ -48,24 +54,42 @@ def from_gnss(tables: Sequence[Table]) -> Table:
         )
         same = run[near] == run[k]
         weight = np.exp(-0.5 * ((time[near] - time[k]) / KERNEL) ** 2) * same
-        slope, slope_sd = _slope(distance[near], heights[near], weight)
-        grade[k] = np.arctan(slope)
-        sd[k] = slope_sd / (1 + slope**2)
-    known = np.isfinite(grade)
+        grade[k], scatter[k], spread[k] = _line(distance[near], heights[near], weight)
+    grade = np.arctan(grade)
+    usual = float(np.nanmedian(scatter)) / USUAL if np.isfinite(scatter).any() else np.nan
+    errors = np.maximum(scatter, usual) + _coarse(heights) ** 2 / 12 + _wander(accuracy)
+    sd = np.sqrt(errors / np.maximum(spread, 1e-9)) * np.cos(grade) ** 2
+    known = np.isfinite(grade) & (sd < WIDEST) & (np.abs(grade) < STEEPEST)
     if not known.any():
-        raise LogReadError("--truth-from gnss: the car never moves with a valid altitude")
+        raise LogReadError(
+            "--truth-from gnss: no stretch has altitudes fine enough for a slope of a moving car"
+        )
     return table(stamps[known], grade[known], sd[known])
 
 
-def _altitude(gnss: Table | None) -> tuple[Stamps, Floats] | None:
-    """Altitudes while the receiver has its usual accuracy."""
+def _coarse(heights: Floats) -> float:
+    """m, the step in which altitudes are given."""
+    values = np.unique(np.round(heights, 4))
+    return float(np.median(np.diff(values))) if 1 < len(values) < len(heights) / 2 else 0.0
+
+
+def _wander(accuracy: float) -> float:
+    """m2 about the line, of an error that wanders by its accuracy in WANDERS (`_line`)."""
+    return 2 * accuracy**2 / WANDERS * KERNEL / (2 * np.sqrt(np.pi))
+
+
+def _altitude(gnss: Table | None) -> tuple[Stamps, Floats, float] | None:
+    """Altitudes while the receiver has its usual accuracy, and that in m (0 where not stated)."""
     known = _known(gnss, "altitude")
     stated = _known(gnss, "vertical_accuracy")
-    if known is None or stated is None:
-        return known
+    if known is None:
+        return None
+    if stated is None:
+        return (*known, 0.0)
     accuracy = np.interp(known[0], *stated)
-    usual = accuracy <= OUTAGE * np.median(accuracy)
-    return known[0][usual], known[1][usual]
+    median = float(np.median(accuracy))
+    usual = accuracy <= OUTAGE * median
+    return known[0][usual], known[1][usual], median
 
 
 def speed(tables: Sequence[Table]) -> tuple[Stamps, Floats] | None:
@@ -89,22 +113,23 @@ def _known(table: Table | None, column: str) -> tuple[Stamps, Floats] | None:
     return (table.time[known], values[known]) if known.any() else None
 
 
-def _slope(x: Floats, y: Floats, weight: Floats) -> tuple[float, float]:
-    """Slope and its sd of a weighted straight line; NaN with fewer than four points' weight.
+def _line(x: Floats, y: Floats, weight: Floats) -> tuple[float, float, float]:
+    """Slope of a weighted straight line, mean square about it, and mean square of x about its mean.
 
-    sd: rms residual over rms distance of the window. That is exact where the error of y is a random
-    walk along x: with Gaussian weights of sd T and q of variance per unit, the slope has q / (2
-    sqrt(pi) T) of variance and the residuals have T^2 times that. As large is what a line leaves
-    out near a bend of the road.
+    NaN with fewer than four points' weight. The slope's variance is the one over the other: exact
+    where the error of y is a random walk along x, as with Gaussian weights of sd T and q of
+    variance per unit the slope has q / (2 sqrt(pi) T) and the residuals have T^2 times that. As
+    large is what a line leaves out near a bend of the road.
     """
     total = weight.sum()
     effective = total**2 / (weight**2).sum()
     dx, dy = x - (weight * x).sum() / total, y - (weight * y).sum() / total
     spread = (weight * dx**2).sum()
     if effective < 4 or spread <= 0:
-        return np.nan, np.nan
+        return np.nan, np.nan, np.nan
     slope = (weight * dx * dy).sum() / spread
-    return float(slope), float(np.sqrt((weight * (dy - slope * dx) ** 2).sum() / spread))
+    scatter = (weight * (dy - slope * dx) ** 2).sum() / total
+    return float(slope), float(scatter), float(spread / total)
 
 
 def table(
