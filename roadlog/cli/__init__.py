@@ -60,6 +60,7 @@ def _register() -> None:
     from roadlog.cli.report import report
     from roadlog.cli.reproduce import reproduce
     from roadlog.cli.simulate import scenarios, simulate
+    from roadlog.cli.vehicle import vehicle
     from roadlog.cli.view import view
 
     using = (ingest, info, calibrate, estimate, evaluate, view, plot, report, export)
@@ -67,6 +68,7 @@ def _register() -> None:
     for command in (*using, *making):
         app.command()(command)
     app.add_typer(profile, name="profile")
+    app.add_typer(vehicle, name="vehicle")
 
 
 _register()
