@@ -11,7 +11,9 @@ import errno
 import os
 import re
 import secrets
+import shutil
 import stat
+import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -31,6 +33,7 @@ TRIES = 3  # to make a temporary file
 written: list[Path] = []  # files that took their place, for who has to say what was done
 _parts: set[Path] = set()  # passing names that are in use
 
+_SCRATCH = re.compile(r"roadlog-([0-9a-f]{1,16})-[0-9a-f]{16}")
 _PART = re.compile(r"\.roadlog-([0-9a-f]{1,16})-[0-9a-f]{16}\.part")
 NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0) | os.O_CLOEXEC
 
@@ -162,11 +165,49 @@ def temporary(folder: Path, mode: int = 0o666) -> Iterator[Part]:
         _parts.discard(part.path)
 
 
+@contextmanager
+def scratch() -> Iterator[Path]:
+    """A temporary folder for the block; what killed runs left of theirs goes too."""
+    top = Path(tempfile.gettempdir())
+    _remove_scratch(top)
+    folder = Path(tempfile.mkdtemp(prefix="roadlog-"))
+    handle = os.open(folder, os.O_RDONLY) if fcntl else None
+    own = folder
+    try:
+        if handle is not None:
+            lock(handle)
+            own = folder.with_name(f"roadlog-{os.fstat(handle).st_ino:x}-{secrets.token_hex(8)}")
+            folder.rename(own)
+        _parts.add(own)
+        yield own
+    finally:
+        shutil.rmtree(own, ignore_errors=True)
+        _parts.discard(own)
+        if handle is not None:
+            os.close(handle)
+
+
+def _remove_scratch(top: Path) -> None:
+    """Remove folders of killed runs, by their number and the lock that is gone."""
+    if fcntl is None:
+        return
+    for folder in top.glob("roadlog-*"):
+        with suppress(OSError):
+            handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | NO_FOLLOW)
+            try:
+                status, match = os.fstat(handle), _SCRATCH.fullmatch(folder.name)
+                is_ours = match is not None and int(match[1], 16) == status.st_ino
+                if is_ours and status.st_uid == os.geteuid() and lock(handle):
+                    shutil.rmtree(folder, ignore_errors=True)
+            finally:
+                os.close(handle)
+
+
 def abandon() -> None:
     """Remove what is being written at this moment: the process ends."""
     for path in list(_parts):
         with suppress(OSError):
-            path.unlink()
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
 @contextmanager

@@ -61,6 +61,7 @@ def report(
         float,
         typer.Option(metavar="PERCENT", min=0.0, help="What counts as worse, with --against."),
     ] = 10.0,
+    force: console.Force = False,
 ) -> None:
     """Estimate, evaluate and compare many drives: a table and a page, DIR/index.html.
 
@@ -70,7 +71,7 @@ def report(
     Example: roadlog report drives/ "more/*.mcap" -o report --jobs 4
     """
     from roadlog.report import batch, page, run
-    from roadlog.report.run import finish, output_folder, read_options, read_report
+    from roadlog.report.run import check_other, finish, output_folder, read_options, read_report
 
     page.require()
     if write_back and profile:
@@ -78,12 +79,13 @@ def report(
     if jobs is not None and cluster:
         raise typer.BadParameter("is for this machine, not for --cluster", param_hint="--jobs")
     if against:
+        check_other(out, against)
         read_report(against)  # a wrong name should not show after hours of work
     if not paths:
         if names or vehicle or profile or write_back or cluster:
             raise typer.BadParameter("is needed to work on logs", param_hint="PATH")
         rows = list(read_report(out).values())
-        with output_folder(out, fetch=True) as folder:
+        with output_folder(out, fetch=True, force=force) as folder:
             options = read_options(folder)
             made = finish(rows, options, folder, against=against or "", threshold=threshold / 100)
         _end(made, out)
@@ -101,7 +103,10 @@ def report(
 
     finished = 0
     try:
-        with output_folder(out, fetch=resume) as folder, _progress(len(sources)) as tell:
+        with (
+            output_folder(out, fetch=resume, force=force) as folder,
+            _progress(len(sources)) as tell,
+        ):
 
             def progress(row: dict[str, Any]) -> None:
                 nonlocal finished

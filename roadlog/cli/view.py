@@ -46,7 +46,7 @@ def view(
 
     Example: roadlog view drive.mcap causal.mcap -e fusion --save compare.rrd
     """
-    from roadlog.files import output
+    from roadlog.files import output, scratch
     from roadlog.log import DriveLog
     from roadlog.view import viewer
     from roadlog.view.model import drive_view
@@ -58,7 +58,7 @@ def view(
     viewer.check_version()
     if connect is not None:
         viewer.check_listening(connect)
-    with output(save, [*logs, profile], force=force), viewer.scratch() as folder:
+    with output(save, [*logs, profile], force=force), scratch() as folder:
         opened = [DriveLog(path, profile) for path in logs]
         shown = drive_view(opened, names or (), rate)
         for note in shown.notes:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
 from roadlog.errors import LogReadError, LogWriteError
-from roadlog.files import write
-from roadlog.report import page, table
+from roadlog.files import scratch, write
+from roadlog.report import page, schema, table
 from roadlog.report.batch import Engine, Outcome, WorkerDiedError, map_logs
-from roadlog.report.compare import Comparison, compare
+from roadlog.report.compare import COMPARISON, Comparison, compare
 from roadlog.report.road import Pass, RoadMerger, RoadProfile
 from roadlog.report.row import (
     LogResult,
@@ -24,13 +23,18 @@ from roadlog.report.row import (
     lost_row,
     run_log,
 )
-from roadlog.report.sources import Source, download_report, is_remote, upload_report
+from roadlog.report.sources import Source, download_report, is_remote, names_below, upload_report
 from roadlog.report.table import Row
 
 DETAILS = "details"
 PASSES = "passes"
 ROAD_PROFILE = "road_profile.parquet"
 OPTIONS = "options.json"  # what the rows were made with
+MARKER = ".roadlog-report"  # says that a folder is ours
+MARKED = "A report of roadlog: it may replace what is in this folder.\n"
+OURS = frozenset(
+    [DETAILS, PASSES, ROAD_PROFILE, OPTIONS, table.ROWS, page.INDEX, page.ASSETS, COMPARISON]
+).union(stem + suffix for stem in table.STEMS for suffix in (".csv", ".parquet"))
 
 
 @dataclass(frozen=True)
@@ -44,29 +48,53 @@ class Report:
 
 
 @contextmanager
-def output_folder(out: str, fetch: bool) -> Iterator[Path]:
+def output_folder(out: str, fetch: bool, force: bool = False) -> Iterator[Path]:
     """The folder to write a report into; one that stands for a URL is uploaded at the end.
 
-    fetch: begin with what an earlier run left there. Raises LogWriteError.
+    fetch: begin with what an earlier run left there. force: also into a folder that holds files
+    of the names that a report needs and is none. Raises LogWriteError.
     """
     if not is_remote(out):
+        folder = Path(out)
         try:
+            _claim(out, {path.name for path in folder.iterdir()} if folder.exists() else (), force)
             for name in ("", DETAILS, PASSES):
-                (Path(out) / name).mkdir(parents=True, exist_ok=True)
+                (folder / name).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise LogWriteError(f"{out}: cannot be made a folder: {error.strerror}") from error
-        yield Path(out)
+        write(folder / MARKER, MARKED)
+        yield folder
         return
-    with tempfile.TemporaryDirectory(prefix="roadlog-report-") as name:
-        folder = Path(name)
+    with scratch() as folder:
+        _claim(out, {name.partition("/")[0] for name in names_below(out)}, force)
         if fetch:
             download_report(out, folder)
         for below in (DETAILS, PASSES):
             (folder / below).mkdir(exist_ok=True)
+        write(folder / MARKER, MARKED)
         try:
             yield folder
         finally:  # the rows of an interrupted run too
             upload_report(folder, out)
+
+
+def check_other(out: str, against: str) -> None:
+    """Raise LogWriteError where a report is to be compared with what it replaces."""
+    same = out.rstrip("/") == against.rstrip("/")
+    if not is_remote(out) and Path(out).exists() and Path(against).exists():
+        same = Path(out).samefile(against)
+    if same:
+        raise LogWriteError(f"{out}: is one of the inputs (--against); give another output")
+
+
+def _claim(out: str, there: Collection[str], force: bool) -> None:
+    """Raise LogWriteError for a folder with files in the way that no report has put there."""
+    in_the_way = sorted(OURS.intersection(there))
+    if in_the_way and MARKER not in there and not force:
+        raise LogWriteError(
+            f"{out}: holds {', '.join(in_the_way)} and is no report of roadlog; give another -o, "
+            f"or --force"
+        )
 
 
 def run(
@@ -130,9 +158,9 @@ def finish(
 def read_report(where: str) -> dict[str, Row]:
     """Rows of a finished report by log. Raises LogReadError when there is none."""
     if is_remote(where):
-        with tempfile.TemporaryDirectory(prefix="roadlog-report-") as name:
-            download_report(where, Path(name), only=(table.ROWS,))
-            rows = table.read_rows(Path(name))
+        with scratch() as folder:
+            download_report(where, folder, only=(table.ROWS,))
+            rows = table.read_rows(folder)
     else:
         rows = table.read_rows(Path(where))
     if not rows:
@@ -144,9 +172,8 @@ def read_options(folder: Path) -> Options:
     """What the rows of a report were made with. Raises LogReadError."""
     path = folder / OPTIONS
     try:
-        found = json.loads(path.read_text("utf-8"))
-        return Options(**{**found, "estimators": tuple(found["estimators"])})
-    except (OSError, ValueError, TypeError, KeyError) as error:
+        return schema.options(schema.parse(path.read_bytes()))
+    except (OSError, ValueError) as error:
         raise LogReadError(f"{path}: cannot tell how the report was made: {error}") from error
 
 
@@ -187,13 +214,11 @@ def _kept(folder: Path, sources: Sequence[Source], options: Options) -> dict[str
 
 
 def _forget(folder: Path, keep: dict[str, Row]) -> None:
-    """Take away what an earlier run left of logs that are not kept."""
+    """Begin the rows with those that are kept; what an earlier run left of others goes."""
     try:
         old = table.read_rows(folder)
     except LogReadError:
         old = {}
-    if len(old) == len(keep) and (folder / table.ROWS).exists():
-        return
     write(folder / table.ROWS, "".join(map(table.line, keep.values())))
     for url in old.keys() - keep.keys():
         (folder / DETAILS / f"{detail_name(url)}.html").unlink(missing_ok=True)

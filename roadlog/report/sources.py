@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import glob
 import os
-import tempfile
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -13,11 +12,15 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from roadlog.errors import LogReadError, LogWriteError, MissingExtraError, near
+from roadlog.files import scratch
 
 LOG_SUFFIXES = (".mcap",)
 # with a profile: whatever `roadlog ingest` reads
 SOURCE_SUFFIXES = (".mcap", ".csv", ".txt", ".mf4", ".mdf", ".dat", ".blf", ".asc", ".log", ".trc")
 SOURCE_FOLDERS = ("processed_log", "global_pose")  # a folder that holds one of these is one drive
+
+SINGLE_PUT = 1 << 30  # bytes that go up in one request; S3 takes 5 GB
+CHANGED = "was changed by another program meanwhile, and is left so"
 
 TRIES = 3  # of a transfer from or to an object store
 FIRST_WAIT = 0.5  # s before the second try, doubled for each further one
@@ -65,21 +68,51 @@ def local_copy(source: Source) -> Iterator[Path]:
         yield Path(source.url)
         return
     store, key = _store(source.url)
-    with tempfile.TemporaryDirectory(prefix="roadlog-") as folder:
-        path = Path(folder) / f"log{PurePosixPath(source.url).suffix}"
+    with scratch() as folder:
+        path = folder / f"log{PurePosixPath(source.url).suffix}"
         _patiently(lambda: store.get_file(key, str(path)), source.url, LogReadError)
         yield path
 
 
 def put_back(source: Source, path: Path) -> Source:
-    """Store what `local_copy` gave and was changed; the source as it is now."""
+    """Store what `local_copy` gave and was changed; the source as it is now.
+
+    Raises LogWriteError, also where the object is another one by now; that stays.
+    """
     if not is_remote(source.url):
         status = path.stat()
         return replace(source, size=status.st_size, stamp=str(status.st_mtime_ns))
     store, key = _store(source.url)
-    _patiently(lambda: store.put_file(str(path), key), source.url, LogWriteError)
+    if not _put_if_same(store, source, key, path):
+        store.invalidate_cache()
+        if _from_info(source.url, source.name, store.info(key)).stamp != source.stamp:
+            raise LogWriteError(f"{source.url}: {CHANGED}")
+        _patiently(lambda: store.put_file(str(path), key), source.url, LogWriteError)
     store.invalidate_cache()
     return _from_info(source.url, source.name, store.info(key))
+
+
+def _put_if_same(store: Any, source: Source, key: str, path: Path) -> bool:
+    """Put on S3 with If-Match: the store itself refuses where the etag is another by now.
+
+    False where the store or the size does not allow it. Raises LogWriteError.
+    """
+    if not hasattr(store, "call_s3") or path.stat().st_size > SINGLE_PUT:
+        return False
+    bucket, name, _ = store.split_path(key)
+    try:
+        store.call_s3(
+            "put_object", Bucket=bucket, Key=name, Body=path.read_bytes(), IfMatch=source.stamp
+        )
+    except Exception as error:
+        text = f"{type(error).__name__} {error}"
+        is_other = "precondition" in text.lower().replace("-", "")
+        if is_other or isinstance(error, FileNotFoundError):
+            raise LogWriteError(f"{source.url}: {CHANGED}") from error
+        if "IfMatch" in text or "NotImplemented" in text:  # an older client, another store
+            return False
+        raise LogWriteError(f"{source.url}: {text}") from error
+    return True
 
 
 def _local(path: str, suffixes: Sequence[str]) -> Iterator[Source]:
@@ -186,14 +219,33 @@ def upload_report(folder: Path, url: str) -> None:
         _patiently(lambda p=path, t=target: store.put_file(str(p), t), url, LogWriteError)
 
 
-def download_report(url: str, folder: Path, only: Sequence[str] = ()) -> None:
-    """Fetch what an earlier run left under a URL; nothing when nothing is there."""
+def names_below(url: str) -> list[str]:
+    """Names of the objects under a URL, relative to it. Raises LogReadError."""
     store, key = _store(url)
     store.invalidate_cache()
-    for path in _patiently(lambda: store.find(key), url, LogReadError):
-        name = PurePosixPath(path).relative_to(PurePosixPath(key)).as_posix()
+    found = _patiently(lambda: store.find(key), url, LogReadError)
+    root = key.rstrip("/") + "/"
+    return [path.removeprefix(root) for path in found if path.startswith(root)]
+
+
+def download_report(url: str, folder: Path, only: Sequence[str] = ()) -> None:
+    """Fetch what an earlier run left under a URL; nothing when nothing is there.
+
+    Raises LogReadError, also for a name that would lie outside the folder.
+    """
+    store, key = _store(url)
+    for name in names_below(url):
         if only and name not in only:
             continue
+        if not _stays_inside(name):
+            raise LogReadError(f"{url}: the object '{name}' does not stay below; nothing was read")
         target = folder / name
         target.parent.mkdir(parents=True, exist_ok=True)
+        path = f"{key.rstrip('/')}/{name}"
         _patiently(lambda p=path, t=target: store.get_file(p, str(t)), url, LogReadError)
+
+
+def _stays_inside(name: str) -> bool:
+    """Whether a name can only lie below the folder it is joined to, on any system."""
+    parts = name.split("/")
+    return not any(part in ("", ".", "..") or set(part) & set("\\:\0") for part in parts)

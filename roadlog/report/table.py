@@ -10,10 +10,12 @@ from typing import IO, Any
 from roadlog.csv_text import csv_text
 from roadlog.errors import LogReadError
 from roadlog.files import replacing, write
+from roadlog.report import schema
 
 ROWS = "rows.jsonl"
 TABLE = "table"
 METRICS = "metrics"
+STEMS = (TABLE, METRICS)
 
 # columns of the table, one row a log
 FACTS = (
@@ -31,28 +33,28 @@ Row = dict[str, Any]
 
 
 def read_rows(folder: Path) -> dict[str, Row]:
-    """Rows of a report by log; the last of a log counts.
+    """Rows of a report by log; the last of a log counts. Nothing is written.
 
-    A last line that a killed run left unfinished is cut off the file. Raises LogReadError.
+    A last line that a killed run left unfinished does not count. Raises LogReadError.
     """
     path = folder / ROWS
     rows: dict[str, Row] = {}
+    number = 0
     try:
-        with path.open("rb+") as file:
-            good = 0
+        with path.open("rb") as file:
             for text in file:
+                number += 1
                 if not text.endswith(b"\n"):
                     break
-                row = json.loads(text)
+                row = schema.parse(text)
+                schema.check_row(row)
                 rows[row["log"]] = row
-                good += len(text)
-            file.truncate(good)
     except FileNotFoundError:
         return {}
     except OSError as error:
         raise LogReadError(f"{path}: cannot be read: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError) as error:
-        raise LogReadError(f"{path}: is no table of a report: {error}") from error
+    except ValueError as error:
+        raise LogReadError(f"{path}: is no table of a report: line {number}: {error}") from error
     return rows
 
 

@@ -56,13 +56,6 @@ def recording_path() -> Path:
     return Path(tempfile.mkdtemp(prefix="roadlog-view-")) / "drive.rrd"
 
 
-@contextmanager
-def scratch() -> Iterator[Path]:
-    """A folder for a recording that is not needed when we are gone."""
-    with tempfile.TemporaryDirectory(prefix="roadlog-view-") as name:
-        yield Path(name)
-
-
 def open_window(path: Path) -> None:
     """Start the native viewer on a recording. Raises RoadlogError when there is no display."""
     if sys.platform.startswith("linux") and not (

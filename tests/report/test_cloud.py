@@ -87,3 +87,55 @@ def test_nothing_there_is_one_line(
     (line,) = errors.strip().splitlines()
     assert url in line
     assert not (tmp_path / "report").exists()
+
+
+def test_an_object_that_was_changed_meanwhile_stays(
+    store: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By If-Match, and by the etag where a store or its client knows no conditions."""
+    from roadlog.report import row, sources
+
+    create(tmp_path / "a.mcap", hill_tables(duration=8.0, rate=20.0))
+    foreign = b"another program wrote this" * 10
+    put_back = sources.put_back
+    for is_conditional in (True, False):
+        store.upload_file(str(tmp_path / "a.mcap"), "fleet", "logs/a.mcap")
+        (source,) = sources.find(["s3://fleet/logs"])
+
+        def late(source: sources.Source, path: Path) -> sources.Source:
+            store.put_object(Bucket="fleet", Key="logs/a.mcap", Body=foreign)
+            return put_back(source, path)
+
+        monkeypatch.setattr(row, "put_back", late)
+        if not is_conditional:
+            monkeypatch.setattr(sources, "SINGLE_PUT", 0)
+        made = row.run_log(source, row.Options(("level",), write_back=True)).row
+        assert made["status"] == "failed"
+        assert "another program" in made["message"]
+        assert store.get_object(Bucket="fleet", Key="logs/a.mcap")["Body"].read() == foreign
+
+
+@pytest.mark.parametrize("name", ["../escaped.txt", "a/../../escaped.txt", "/abs.txt", "a\\b.txt"])
+def test_a_key_stays_below_its_folder(store: Any, tmp_path: Path, name: str) -> None:
+    from roadlog.errors import LogReadError
+    from roadlog.report.sources import download_report
+
+    store.put_object(Bucket="fleet", Key=f"report/{name}", Body=b"from the store")
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    with pytest.raises(LogReadError, match="does not stay below"):
+        download_report("s3://fleet/report", inner)
+    assert list(tmp_path.rglob("*")) == [inner]
+
+
+def test_a_report_of_others_stays(
+    store: Any, start: Callable[..., subprocess.Popen], tmp_path: Path
+) -> None:
+    create(tmp_path / "a.mcap", hill_tables(duration=8.0, rate=20.0))
+    store.put_object(Bucket="fleet", Key="site/index.html", Body=b"precious")
+    command = ["report", tmp_path / "a.mcap", "-o", "s3://fleet/site", "-e", "level", "--jobs", "1"]
+    process = start(*command)
+    _, errors = process.communicate(timeout=120)
+    assert process.returncode == 1
+    assert "holds index.html and is no report" in errors
+    assert store.get_object(Bucket="fleet", Key="site/index.html")["Body"].read() == b"precious"
