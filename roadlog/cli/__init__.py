@@ -59,11 +59,12 @@ def _register() -> None:
     from roadlog.cli.profiles import profile, profiles
     from roadlog.cli.report import report
     from roadlog.cli.reproduce import reproduce
+    from roadlog.cli.road import road
     from roadlog.cli.simulate import scenarios, simulate
     from roadlog.cli.vehicle import vehicle
     from roadlog.cli.view import view
 
-    using = (ingest, info, calibrate, estimate, evaluate, view, plot, report, export)
+    using = (ingest, info, calibrate, estimate, evaluate, view, plot, report, road, export)
     making = (simulate, scenarios, estimators, reproduce, profiles, config, demo, doctor)
     for command in (*using, *making):
         app.command()(command)

@@ -20,6 +20,7 @@ from roadlog.types import Bools, Floats
 
 ROUNDS = 3  # of projecting the passes on the line and moving it into their middle
 REACH = 25.0  # m from the line that a pass of the stretch may lie
+STRAY, STRAY_SHARE = 20.0, 0.03  # m and of a run's length, that its stations may be off the way
 TAPER = 100.0  # m at a run's ends over which it gains weight, so that the line does not jump
 LINE_BAND = 30.0  # m, wavelength that the smoothing of the line halves
 OFFSET_BAND = 10.0  # m, sd of the Gaussian over the passes' mean offset
@@ -61,7 +62,11 @@ def road(stretch: Stretch, passes: Sequence[Pass]) -> RoadModel | None:
     if len(line) < SHORTEST:
         return None
     laid = [w for w in (_laid(line, track) for track in tracks) if w is not None]
-    return _combined(line, laid, [passes[w.track.run.owner] for w in laid]) if laid else None
+    if not laid:
+        return None
+    model = _combined(line, laid, [passes[w.track.run.owner] for w in laid])
+    driven = model.s[model.passes > 0]
+    return model.between(float(driven[0]), float(driven[-1])) if len(driven) > SHORTEST else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,11 +77,12 @@ class _Track:
     x: Floats
     y: Floats
     course: Floats
+    distance: Floats
 
     @classmethod
     def of(cls, run: Run, own: Pass, plane: TransverseMercator) -> _Track:
         x, y = plane.forward(own.latitude[run.points], own.longitude[run.points])
-        return cls(run, x, y, own.course[run.points])
+        return cls(run, x, y, own.course[run.points], own.distance[run.points])
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +140,12 @@ def _line(origin: tuple[float, float], x: Floats, y: Floats) -> RoadModel:
 def _laid(line: RoadModel, track: _Track) -> _Laid | None:
     station, offset, _ = line.locate(track.x, track.y, track.course, REACH)
     known = np.isfinite(station)
+    if known.sum() < 2:
+        return None
+    # another leg of the road may be nearer than the one that is driven: the way driven decides
+    driven = track.distance if track.run.forward else -track.distance
+    away = np.abs(station - driven - np.median((station - driven)[known]))
+    known &= away < np.maximum(STRAY, STRAY_SHARE * np.ptp(track.distance))
     if known.sum() < 2:
         return None
     order = np.flatnonzero(known)

@@ -23,6 +23,7 @@ TURNED = np.radians(120.0)  # rad, after which a chunk ends: the way may lead ba
 SHORTEST = 10  # points; a shorter meeting is a crossing, a shorter detour a parked car
 JUMP = 10 * STEP  # m without a known grade, after which a pass begins anew
 SLANT = 0.2  # of lateral against longitudinal way, beyond which two roads only cross
+HOLE = 6  # points that the way over a hole may be off the known road's
 BEHIND = int(REACH / STEP) + 3  # points of a stretch's end that its own next points meet
 LOOK = 8  # nearest known points that are asked
 
@@ -31,12 +32,13 @@ LOOK = 8  # nearest known points that are asked
 class Run:
     """A part of a pass along one stretch. points: (m,) indices into the pass, in travel order.
 
-    forward: in the stretch's direction.
+    forward: in the stretch's direction. nodes: of the stretch, abeam of the first and last point.
     """
 
     owner: int
     points: NDArray[np.int64]
     forward: bool
+    nodes: tuple[int, int]
 
 
 @dataclass
@@ -136,10 +138,12 @@ class _Book:
         met = _meetings(own, xyz, chunk, near, places)
         known = np.zeros(len(chunk), np.bool_)
         for part in met:
-            which = places.stretch[near[part]][0]
+            there = part[near[part] >= 0]  # all but the holes
+            which = int(places.stretch[near[there[0]]])
             points = chunk[part]
-            forward = bool(np.cos(own.course[points] - places.course[near[part]]).mean() > 0)
-            self.stretches[which].runs.append(Run(owner, points, forward))
+            forward = bool(np.cos(own.course[chunk[there]] - places.course[near[there]]).mean() > 0)
+            nodes = int(places.node[near[there[0]]]), int(places.node[near[there[-1]]])
+            self.stretches[which].runs.append(Run(owner, points, forward, nodes))
             known[part] = True
         last: int | None = None
         for run in runs(~known):
@@ -156,7 +160,9 @@ class _Book:
                 self._extend(which, own, points)
             stretch = self.stretches[which]
             places.add(xyz[points], own.course[points], which, len(stretch.latitude) - len(points))
-            stretch.runs.append(Run(owner, points, True))
+            last_node = len(stretch.latitude) - 1
+            nodes = last_node - len(points) + 1, last_node
+            stretch.runs.append(Run(owner, points, True, nodes))
             if run.stop == len(chunk):
                 last = which
         return last
@@ -212,6 +218,27 @@ def _meetings(
         if np.ptp(away) > max(SLANT * way, 3.0) and len(part) < 4 * SHORTEST:
             continue
         result.append(part)
+    return _bridged(result, own.distance[chunk], stretch, forward, node)
+
+
+def _bridged(
+    parts: list[NDArray[np.int64]],
+    distance: Floats,
+    stretch: NDArray[np.int64],
+    forward: Bools,
+    node: NDArray[np.int64],
+) -> list[NDArray[np.int64]]:
+    """Parts of one stretch with a hole between them, in which only the fixes were off, as one."""
+    result: list[NDArray[np.int64]] = []
+    for part in parts:
+        if result:
+            a, b = result[-1][-1], part[0]
+            along = (node[b] - node[a]) * (1 if forward[a] else -1)
+            off = abs(along - (distance[b] - distance[a]) / STEP)
+            if stretch[a] == stretch[b] and forward[a] == forward[b] and off < HOLE:
+                result[-1] = np.arange(result[-1][0], part[-1] + 1)
+                continue
+        result.append(part)
     return result
 
 
@@ -224,27 +251,33 @@ def _xyz(latitude: Floats, longitude: Floats) -> Floats:
 def joined(found: list[Stretch], passes: Sequence[Pass]) -> list[Stretch]:
     """Stretches with one neighbor at an end are one road."""
     links: dict[tuple[int, int], set[tuple[int, int]]] = {}
-    ways: dict[int, list[tuple[int, int, int, bool]]] = {}
+    ways: dict[int, list[tuple[int, Run]]] = {}
     for index, stretch in enumerate(found):
         for run in stretch.runs:
-            ways.setdefault(run.owner, []).append(
-                (int(run.points[0]), int(run.points[-1]), index, run.forward)
-            )
+            ways.setdefault(run.owner, []).append((index, run))
     for owner, parts in ways.items():
-        parts.sort()
-        for (_, end, a, a_forward), (begin, _, b, b_forward) in pairwise(parts):
-            gap = passes[owner].distance[begin] - passes[owner].distance[end]
-            if a == b or gap > JUMP:
+        parts.sort(key=lambda part: int(part[1].points[0]))
+        for (a, before), (b, after) in pairwise(parts):
+            gap = np.diff(passes[owner].distance[[before.points[-1], after.points[0]]])[0]
+            here = _end(found[a], before.nodes[1])
+            there = _end(found[b], after.nodes[0])
+            if a == b or gap > JUMP or here is None or there is None:
                 continue
-            here, there = (a, int(a_forward)), (b, int(not b_forward))
-            links.setdefault(here, set()).add(there)
-            links.setdefault(there, set()).add(here)
+            links.setdefault((a, here), set()).add((b, there))
+            links.setdefault((b, there), set()).add((a, here))
     single = {
         end: next(iter(others))
         for end, others in links.items()
         if len(others) == 1 and len(links[next(iter(others))]) == 1
     }
     return _chained(found, single)
+
+
+def _end(stretch: Stretch, node: int) -> int | None:
+    """0 at the stretch's beginning, 1 at its end, None between them."""
+    if node <= BEHIND:
+        return 0
+    return 1 if node >= len(stretch.latitude) - 1 - BEHIND else None
 
 
 def _chained(found: list[Stretch], single: dict[tuple[int, int], tuple[int, int]]) -> list[Stretch]:
@@ -280,7 +313,7 @@ def _connected(chain: list[tuple[Stretch, bool]]) -> Stretch:
         columns["latitude"].append(stretch.latitude[way])
         columns["longitude"].append(stretch.longitude[way])
         columns["course"].append(stretch.course[way] + (0.0 if forward else np.pi))
-        members += [Run(r.owner, r.points, r.forward == forward) for r in stretch.runs]
+        members += [Run(r.owner, r.points, r.forward == forward, r.nodes) for r in stretch.runs]
     latitude, longitude, course = (np.concatenate(c) for c in columns.values())
     return Stretch(latitude, longitude, course, _merged(members))
 
@@ -296,7 +329,8 @@ def _merged(members: list[Run]) -> list[Run]:
             and last.forward == run.forward
             and 0 < run.points[0] - last.points[-1] <= JUMP / STEP
         ):
-            result[-1] = Run(run.owner, np.concatenate([last.points, run.points]), run.forward)
+            points = np.concatenate([last.points, run.points])
+            result[-1] = Run(run.owner, points, run.forward, (last.nodes[0], run.nodes[1]))
         else:
             result.append(run)
     return result

@@ -23,6 +23,9 @@ ELSEWHERE = {
     "--png": "tests/view/test_viewer.py, where there is a Vulkan driver",
     "s3://": "tests/report/test_cloud.py, against a store of its own",
     "reproduce": "tests/cli/test_reproduce.py",
+    "road": "tests/cli/test_road.py",
+    "--road": "tests/simulate/test_on_road.py",
+    "--truth-from": "tests/ingest/test_terrain.py, tests/simulate/test_on_road.py, test_survey.py",
     "evaluate": "test_site.py, on the quick start's drive, which has truth",
 }
 UNITS = {"accel": "m/s^2", "gyro": "rad/s"}
@@ -39,7 +42,11 @@ def commands(page: Path) -> Iterator[list[str]]:
     for block in BLOCK.findall(page.read_text(encoding="utf-8")):
         for line in block.replace("\\\n", " ").splitlines():
             words = shlex.split(line, comments=True)
-            is_elsewhere = any(mark in word for mark in ELSEWHERE for word in words)
+            is_elsewhere = any(
+                mark == word or (mark != "road" and mark in word)
+                for mark in ELSEWHERE
+                for word in words
+            )
             if words and words[0] == "roadlog" and not is_elsewhere:
                 yield words[1:]
 

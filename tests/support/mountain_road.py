@@ -64,8 +64,9 @@ def driven(
     s = own.s[0] + np.arange(20.0, own.length - 20.0, STEP)
 
     def wander(size: float, reach: float) -> Floats:
-        values = gaussian_filter1d(rng.normal(0, 1, len(s) + 200), reach / STEP)[100:-100]
-        return size * values / values.std()
+        cells = reach / STEP
+        white = rng.normal(0, size * np.sqrt(2 * np.sqrt(np.pi) * cells), len(s) + 200)
+        return gaussian_filter1d(white, cells)[100:-100]
 
     offset = lane + wander(0.3, 60.0)
     there = own.refined(1.0).at(s)

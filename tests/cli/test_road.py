@@ -1,0 +1,69 @@
+"""`roadlog road` on logs: from drives to files, one line for what does not work."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.drives import Run, hill_tables
+from support.mountain_road import mountain_road
+
+from roadlog.log import create
+from roadlog.roads import formats
+from roadlog.simulate import simulate
+
+
+@pytest.fixture(scope="module")
+def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A drive each way over 500 m of mountain road, and a log without positions."""
+    folder = tmp_path_factory.mktemp("drives")
+    road = mountain_road(500.0, seed=6)
+    for name, way in (("there", road), ("back", road.reversed())):
+        made = simulate("mountain", road=way, seed=len(name))
+        create(folder / f"{name}.mcap", made.tables, made.metadata, made.vehicle)
+    create(folder / "blind.mcap", hill_tables(20.0))
+    return folder
+
+
+def test_drives_to_a_road(roadlog: Run, drives: Path, tmp_path: Path) -> None:
+    both = [drives / "there.mcap", drives / "back.mcap"]
+    options = ("-e", "ti", "-o", "out/pass.csv", "--plot", "out/pass.svg")
+    done = roadlog("road", *both, *options)
+    assert done.returncode == 0, done.stderr
+    assert "2 drives, both directions" in done.stdout
+    model = formats.read(tmp_path / "out" / "pass.csv")
+    assert model.length == pytest.approx(460, abs=15)
+    assert model.passes.max() == 2
+    # `ti` needs excitation; where no drive has a valid grade, the road has none
+    np.testing.assert_array_equal(np.isfinite(model.grade), model.passes > 0)
+    again = roadlog("road", *both, *options)
+    assert again.returncode == 1
+    assert "--force" in again.stderr
+    assert (tmp_path / "out" / "pass.svg").stat().st_size > 10_000
+
+
+def test_a_log_without_positions_is_left_out(roadlog: Run, drives: Path) -> None:
+    done = roadlog("road", drives, "-e", "ti", "-o", "pass.geojson")
+    assert done.returncode == 3
+    assert "blind.mcap: left out: needs positions" in done.stderr
+    assert "2 drives" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("blind.mcap", "-e", "ti", "-o", "x.csv"), "none of 1 logs can tell of a road"),
+        (("there.mcap", "-e", "ti", "-o", "x.png"), "a road file ends with"),
+        (("there.mcap", "-e", "ti", "-o", "x.csv", "--from", "900"), "no road between"),
+        (("missing.mcap", "-o", "x.csv"), "no such file"),
+    ],
+)
+def test_what_cannot_be_a_road(
+    roadlog: Run, drives: Path, tmp_path: Path, arguments: tuple[str, ...], words: str
+) -> None:
+    done = roadlog("road", drives / arguments[0], *arguments[1:])
+    assert done.returncode == 1
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.glob("x.*"))
