@@ -89,7 +89,8 @@ def mdf_bus(path: Path, groups: Sequence[dict], virtual: Sequence[str]) -> Path:
     file = _Mdf()
     head = struct.pack("<QhhBBBBdd", START * 10**9, 0, 0, 0, 0, 0, 0, 0.0, 0.0)
     at_head = file.block(b"##HD", [0] * 6, head)
-    below = []
+    below: list[int] = []
+    records: list[bytes] = []
     for group in groups:
         rows = group["frames"]
         width = max(len(data) for *_, data in rows)
@@ -120,8 +121,10 @@ def mdf_bus(path: Path, groups: Sequence[dict], virtual: Sequence[str]) -> Path:
         time = file.channel("Timestamp", 2, 4, 0, 64, next=frame)
         size = struct.pack("<QQHHIII", 0, len(rows), 6, ord("."), 0, 16 + width, 0)
         channels = file.block(b"##CG", [0, time, file.text("bus"), 0, 0, 0], size)
-        data = file.block(b"##DT", [], bytes(record))
-        below.append(file.block(b"##DG", [0, channels, data, 0], struct.pack("<B7s", 0, b"")))
+        below.append(file.block(b"##DG", [0, channels, 0, 0], struct.pack("<B7s", 0, b"")))
+        records.append(bytes(record))
+    for at, record in zip(below, records, strict=True):  # the data last, as loggers write them
+        struct.pack_into("<Q", file.bytes, at + 40, file.block(b"##DT", [], record))
     for at, following in zip([at_head, *below], below, strict=False):
         struct.pack_into("<Q", file.bytes, at + 24, following)
     path.write_bytes(file.bytes)

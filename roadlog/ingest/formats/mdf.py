@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import struct
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -16,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.errors import ConfigError, LogReadError, MissingExtraError, RoadlogError
-from roadlog.ingest.formats import can, times
+from roadlog.ingest.formats import can, mdf_blocks, times
 from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.can_database import bus_name
 from roadlog.ingest.formats.magic import begins
@@ -38,9 +36,6 @@ LOCAL_TIME = 1  # flag of the header: no zone is known
 TEXTS_4, TEXTS_3 = (7, 8), (11, 12)  # conversions of values and ranges to text, by version
 FEW = 99  # values that asammdf converts one by one
 SLICE = 1 << 25  # bytes of records read at a time
-LINKS = 3  # of a block that are looked at
-CHAINED = (b"DG", b"CG", b"CN", b"FH", b"CH", b"AT", b"EV", b"HL", b"DL", b"LD")
-PARENTS = (b"DG", b"CG", b"CN")
 
 
 def recognizes(path: Path) -> bool:
@@ -248,11 +243,14 @@ def _opened(path: Path, zone: str = "") -> Iterator[_Opened]:
         raise MissingExtraError("an MDF file", "mdf") from None
     with path.open("rb") as source, tempfile.TemporaryFile() as copy:
         opened: IO[bytes] = source
-        if source.read(8) == UNFINISHED:  # its counters are put right in a copy
+        unfinished = source.read(8) == UNFINISHED
+        cut = mdf_blocks.cut(source)
+        if unfinished or cut:  # its counters, its last block's length are put right in a copy
             source.seek(0)
             shutil.copyfileobj(source, copy)
+            mdf_blocks.shorten(copy, cut)
             opened = copy
-        _no_loops(path, opened)
+        mdf_blocks.no_loops(path, opened)
         with guarded(path, "MDF"):
             # of a path asammdf reads whole columns, of an open file the records that are asked for
             file = MDF(opened, process_bus_logging=False)
@@ -281,46 +279,6 @@ def _epoch(file: Any) -> tuple[int, bool]:
     if abs(stated - local) < 10**9 * 60:
         return stated - hours * 3600 * 10**9, False
     return stated, False
-
-
-def _no_loops(path: Path, file: IO[bytes]) -> None:
-    """Refuse blocks that refer back to themselves: asammdf would follow them for ever.
-
-    In versions 3 and 4 alike, a block's first link is the next one of its kind, and its second
-    the first one of the kind below. Raises LogReadError.
-    """
-    file.seek(0)
-    new = int.from_bytes(file.read(30)[28:], "little") >= 400
-    head = struct.Struct("<2s2sIQQ" if new else "<2sH")
-    word = struct.Struct("<Q" if new else "<I")
-
-    size = file.seek(0, os.SEEK_END)
-
-    def block(address: int) -> tuple[bytes, list[int]]:
-        file.seek(min(address, size))  # a broken link may lie beyond what a file can be
-        start = file.read(head.size)
-        if len(start) < head.size:
-            return b"", []
-        kind = start[2:4] if new else start[:2]
-        links = file.read(LINKS * word.size)
-        return kind, [
-            link for (link,) in word.iter_unpack(links[: len(links) // word.size * word.size])
-        ]
-
-    _, starts = block(64)
-    seen: set[int] = set()
-    below = starts if new else starts[:1]
-    while below:
-        address = below.pop()
-        while address:
-            kind, links = block(address)
-            if kind not in CHAINED or len(links) < LINKS:
-                break
-            if address in seen:
-                raise LogReadError(f"{path}: cannot be read as MDF: its blocks go in a circle")
-            seen.add(address)
-            below += links[1:3] if kind in PARENTS else []
-            address = links[0]
 
 
 def _frame(group: _Group, file: str, profile: Profile) -> Frame:
