@@ -10,6 +10,7 @@ from roadlog.car.correction import corrected
 from roadlog.car.vehicle import Vehicle
 from roadlog.checks import clocks, fixes, motion, quality, speeds, values
 from roadlog.checks.finding import Finding
+from roadlog.checks.impossible import beyond
 from roadlog.drive import Drive
 from roadlog.motion import axes
 from roadlog.motion.evidence import Evidence
@@ -31,6 +32,8 @@ def check(tables: Mapping[str, Table], vehicle: Vehicle | None = None) -> list[F
     found = clocks.jumps(tables)
     jumped = {topic for finding in found for topic in finding.signals}
     found += [f for f in values.stamps(tables) if jumped.isdisjoint(f.signals)]
+    impossible, tables = beyond(tables)
+    found += impossible
     invalid, tables = values.invalid(tables)
     frozen, tables = values.frozen(tables)
     found += invalid + frozen

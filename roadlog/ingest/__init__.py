@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from roadlog.checks.impossible import beyond
 from roadlog.errors import ConfigError, LogReadError, near
 from roadlog.ingest import clocks, mapping, typed
 from roadlog.ingest.formats import format_of, understood
@@ -124,7 +125,7 @@ def ingest(
     found = [] if given else [f"{s.path.name}: profile {s.profile.name}" for s in opened]
     notes = [f"{words}, found by itself" for words in found]
     notes += [note for recording in recordings for note in recording.notes] + said + moved
-    notes += doubts
+    notes += doubts + [f"check: {finding}" for finding in beyond({t.topic: t for t in tables})[0]]
     notes += [f"not a source: {', '.join(ignored)}"] if ignored else []
     return IngestResult(tables, metadata, mapped, over, lacking, notes, gaps(tables), losses)
 

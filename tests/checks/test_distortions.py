@@ -28,7 +28,7 @@ EXPECTED = {  # check that names it
     "fix jumps 100 m aside and 30 m up": "fix_jump",
     "altitude frozen": "dead",
     "altitude and climb frozen": "dead",
-    "altitude negated": "invalid_values",
+    "altitude negated": "impossible",
     "upside down": "axes",
     "flatbed": "dead",
     "flatbed without fixes": "dead",

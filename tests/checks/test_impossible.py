@@ -1,0 +1,111 @@
+"""What cannot be is said with its likely cause, tried on the data; nothing is inferred of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from roadlog.checks import check
+from roadlog.ingest import ingest
+from roadlog.ingest.profile import Profile
+from roadlog.storage import Table
+from roadlog.storage.schemas import columns as fields_of
+
+COUNT = 3000
+T = np.arange(COUNT) / 10
+SPEED = 15 + 4 * np.sin(T / 15)
+NORTH = 50 + np.cumsum(SPEED) * 0.1 / 111_195
+EAST = np.full(COUNT, -8.0)
+
+
+def table(topic: str, schema: str, **values: np.ndarray) -> Table:
+    schema = f"roadlog.v1.{schema}"
+    blank = {
+        name: np.full(COUNT, np.nan if d.kind == "f" else 0, d)
+        for name, d in fields_of(schema).items()
+    }
+    time = 1_700_000_000_000_000_000 + np.round(T * 1e9).astype(np.int64)
+    return Table(topic, schema, time, {**blank, **values})
+
+
+def drive(scale: float = 1.0, altitude: float = 1.0, v: np.ndarray = SPEED) -> dict[str, Table]:
+    height = (100 + 5 * np.sin(T / 40)) * altitude
+    gnss = table("/gnss", "Gnss", latitude=NORTH * scale, longitude=EAST * scale, altitude=height)
+    return {"/gnss": gnss, "/speed": table("/speed", "Speed", v=v)}
+
+
+def faults(tables: dict[str, Table]) -> dict[str, str]:
+    return {f.signals[0]: str(f) for f in check(tables) if f.level == "fault"}
+
+
+def test_a_drive_that_can_be_has_no_such_finding():
+    assert faults(drive()) == {}
+
+
+@pytest.mark.parametrize(
+    ("scale", "words"),
+    [
+        (60.0, "minutes of arc? Then say scale = 0.01666667"),
+        (1e7, "1e-7 degrees? Then say scale = 1e-07"),
+        (np.pi / 180, 'in radians; say unit = "rad"'),
+    ],
+)
+@pytest.mark.parametrize("unit", [1.0, 3.6])
+def test_positions_in_another_unit(scale, words, unit):
+    if unit != 1.0 and scale < 1:
+        pytest.skip("a speed in km/h hides radians")
+    found = faults(drive(scale, v=SPEED * unit))
+    assert words in found["gnss.latitude"]
+    assert "speed.v" not in found  # nothing is inferred of positions that cannot be
+
+
+def test_a_factor_that_the_speed_denies_is_not_advised():
+    found = faults(drive(60.0, v=SPEED * 20))
+    assert "scale" not in found["gnss.latitude"]
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"), [(1e3, 'unit = "mm"'), (1e6, "nothing that is tried")]
+)
+def test_heights_in_another_unit(factor, words):
+    assert words in faults(drive(altitude=factor))["gnss.altitude"]
+
+
+def test_a_height_that_lost_its_sign():
+    tables = drive()
+    tables["/gnss"].columns["altitude"][:] = 2.0**64 - 5 * (1 + np.sin(T))
+    assert "2^64" in faults(tables)["gnss.altitude"]
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [(1e3, "scale = 0.001"), (1e3 / 9.80665, 'unit = "mg"'), (100.0, "scale = 0.01")],
+)
+def test_accelerations_in_another_unit(factor, words):
+    rng = np.random.default_rng(1)
+    level = {name: rng.normal(0, 0.2, COUNT) * factor for name in ("accel_x", "accel_y")}
+    up = (9.81 + rng.normal(0, 0.2, COUNT)) * factor
+    found = faults({"/imu": table("/imu", "Imu", **level, accel_z=up)})
+    assert words in found["imu.accel_x"]
+
+
+def test_a_speed_in_millimeters():
+    assert "mm/s? Then say scale = 0.001" in faults(drive(v=SPEED * 1e3))["speed.v"]
+
+
+def test_a_slope_beyond_roads_is_said_though_no_estimator_reads_it():
+    truth = table("/truth/angles", "RoadAngles", grade=2 + np.sin(T / 30))
+    found = faults({**drive(), "/truth/angles": truth})
+    assert 'unit = "deg"' in found["truth.grade"]
+
+
+def test_ingest_says_it_too(tmp_path):
+    path = tmp_path / "drive.csv"
+    rows = zip(T, NORTH * 60, EAST * 60, SPEED * 3.6, strict=True)
+    path.write_text("t,lat,lon,v\n" + "".join(",".join(f"{x:.7f}" for x in r) + "\n" for r in rows))
+    profile = '[gnss]\nlatitude = { from = "lat", unit = "deg" }\n'
+    profile += (
+        'longitude = { from = "lon", unit = "deg" }\n[speed]\nv = { from = "v", unit = "km/h" }\n'
+    )
+    notes = ingest([path], Profile.from_toml(profile, "p")).notes
+    assert any(n.startswith("check: gnss.latitude") and "minutes of arc" in n for n in notes)
