@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 from weakref import WeakValueDictionary
 
 import numpy as np
 
+from roadlog import stamps
 from roadlog.columnar import Columnar, fixed
 from roadlog.errors import LogReadError, MissingSignalError, near
 from roadlog.signals import INPUTS, SECTIONS, SIGNALS, Signal
@@ -237,6 +238,22 @@ class Drive(Columnar):
             return np.ones(len(self), np.bool_)
         lateral = np.abs(self["imu.gyro_z"]) * np.maximum(self.speed, 1.0)
         return fixed(~(lateral >= STRAIGHT_LATERAL))
+
+
+def without_strays(tables: Mapping[str, Table]) -> tuple[dict[str, Table], dict[str, str]]:
+    """Tables without single messages of a wrong time, and by topic a sentence on these."""
+    span = stamps.main_span({topic: table.time for topic, table in tables.items()})
+    result = dict(tables)
+    said: dict[str, str] = {}
+    if span is None:
+        return result, said
+    for topic, table in tables.items():
+        keep = span.holds(table.time)
+        if not keep.all():
+            columns = {name: values[keep] for name, values in table.columns.items()}
+            result[topic] = replace(table, time=table.time[keep], columns=columns)
+            said[topic] = stamps.said(table.time, span)
+    return result, said
 
 
 def resample(own: Floats, values: Floats, time: Floats, signal: Signal) -> Floats:

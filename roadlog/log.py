@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from roadlog.car.vehicle import Vehicle
-from roadlog.drive import DEFAULT_RATE, Drive
+from roadlog.drive import DEFAULT_RATE, Drive, without_strays
 from roadlog.errors import LogReadError, MissingSignalError, near
 from roadlog.estimate import Detail, Estimate
 from roadlog.files import changed
@@ -161,8 +161,11 @@ class DriveLog:
         return found
 
     def inputs(self) -> dict[str, Table]:
-        """The channels that estimators read."""
-        return self.tables(s.topic for s in INPUTS)
+        """The channels that estimators read, without single messages of a wrong time."""
+        tables, strays = without_strays(self.tables(s.topic for s in INPUTS))
+        said = [f"{topic}: {stray}" for topic, stray in strays.items()]
+        self.losses += [stray for stray in said if stray not in self.losses]
+        return tables
 
     def drive(self, rate: float = DEFAULT_RATE, tables: Mapping[str, Table] | None = None) -> Drive:
         """The input signals on one clock. Raises LogReadError when there are none.

@@ -57,15 +57,15 @@ def main_span(times: Mapping[str, Stamps]) -> Span | None:
     return Span(min(int(t.min()) for t in inside), max(int(t.max()) for t in inside))
 
 
-def said(topic: str, time: Stamps, span: Span) -> str:
-    """A sentence on the messages of a topic outside the span; empty for none."""
+def said(time: Stamps, span: Span) -> str:
+    """What to say of the messages of a topic outside the span; empty for none."""
     out = time[~span.holds(time)]
     if not len(out):
         return ""
     count = "1 message" if len(out) == 1 else f"{len(out)} messages"
     first = f"{date(int(out[0]))}" + (" and elsewhere" if len(out) > 1 and np.ptp(out) else "")
     return (
-        f"{topic}: {count} stamped {first}, far from the recording "
+        f"{count} stamped {first}, far from the recording "
         f"({date(span.start)} to {date(span.end)}), left out"
     )
 

@@ -9,10 +9,11 @@ import numpy as np
 
 from roadlog import checks
 from roadlog.checks import Finding
-from roadlog.drive import Drive, stale_limit
+from roadlog.drive import Drive, stale_limit, without_strays
 from roadlog.errors import ConfigError, LogReadError
 from roadlog.log import DriveLog
 from roadlog.signals import SECTIONS, SIGNALS, split_estimate_topic
+from roadlog.stamps import main_span
 from roadlog.storage import Channel, Table
 
 SECTION_OF = {section.topic: name for name, section in SECTIONS.items()}
@@ -83,13 +84,16 @@ class LogSummary:
 
 def summarize(log: DriveLog) -> LogSummary:
     """Look through a whole log. Raises LogReadError when the file cannot be read."""
-    tables = log.tables()
-    span = 0 if log.start_ns is None or log.end_ns is None else log.end_ns - log.start_ns
-    duration = span * 1e-9
+    tables, strays = without_strays(log.tables())
+    span = main_span({topic: table.time for topic, table in tables.items()})
+    duration = 0.0 if span is None else (span.end - span.start) * 1e-9
     drive: Drive | None = None
-    found: list[Finding] = []
+    found = [
+        Finding("stray_stamps", "note", (topic,), said, "leave the topic out, or mend its clock")
+        for topic, said in strays.items()
+    ]
     try:
-        found = checks.check(tables, log.vehicle)
+        found += checks.check(tables, log.vehicle)
         drive = Drive.from_tables(tables.values())
     except LogReadError as error:
         found.append(Finding("no_drive", "fault", (), str(error)))

@@ -260,7 +260,7 @@ def _without_strays(
         if frame.name not in clocks or keep.all():
             result.append(frame)
             continue
-        said.append(stamps.said(frame.name, frame.time, span))
+        said.append(f"{frame.name}: {stamps.said(frame.time, span)}")
         columns: dict[str, NDArray | Floats] = {n: _rows(c, keep) for n, c in frame.columns.items()}
         time = frame.time[keep]
         result.append(replace(frame, time=time, columns=columns))
