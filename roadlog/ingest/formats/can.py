@@ -130,6 +130,11 @@ class Decoder:
             self._heard[key] = heard
         return self._heard[key]
 
+    @property
+    def heard(self) -> bool:
+        """Whether there was any frame."""
+        return bool(self._heard)
+
     def recording(self) -> Recording:
         """What was decoded, and notes on coverage. Raises LogReadError when nothing was."""
         if not self._heard:

@@ -20,16 +20,14 @@ def recognizes(path: Path) -> bool:
 
 def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
     """`KIND.field` and `TOPIC.field` of every numeric field."""
-    del dbc
     with LogReader(path) as reader:
-        return messages.names([reader])
+        return messages.names([reader], dbc)
 
 
 def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """Fields that the profile reads, one frame a topic. Raises LogReadError."""
-    del dbc
     with LogReader(path) as reader:
-        return messages.recording([reader], profile, path.name)
+        return messages.recording([reader], profile, path.name, dbc)
 
 
 FORMAT = Format(

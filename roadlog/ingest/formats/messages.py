@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from roadlog import stamps
 from roadlog.errors import LogReadError
-from roadlog.ingest.formats import times
+from roadlog.ingest.formats import can, can_messages, times
 from roadlog.ingest.formats.derived import Derived, derived
 from roadlog.ingest.frame import Frame, Recording, absent, unread
 from roadlog.ingest.profile import Clock, Profile
@@ -83,26 +84,39 @@ def topics(readers: Sequence[Reader]) -> dict[str, Topic]:
     return result
 
 
-def names(readers: Sequence[Reader]) -> set[str]:
-    """`KIND.field` and `TOPIC.field` of every numeric field."""
-    return {
+def names(readers: Sequence[Reader], dbc: Sequence[Path] = ()) -> set[str]:
+    """`KIND.field` and `TOPIC.field` of every numeric field, and the signals of a database."""
+    found = {
         name
         for topic in topics(readers).values()
         for path in topic.fields
         for name in (f"{topic.kind}.{path}", f"{topic.name}.{path}")
     }
+    return found | (can.names(can.load(dbc)) if dbc else set())
 
 
-def recording(readers: Sequence[Reader], profile: Profile, label: str) -> Recording:
+def recording(
+    readers: Sequence[Reader], profile: Profile, label: str, dbc: Sequence[Path] = ()
+) -> Recording:
     """Fields that the profile reads, one frame a topic; of the others only the names.
 
     Time is the clock that the profile chooses: log, publish, or header for a message's own stamp;
     a topic that does not have that one keeps the time of recording, which is said. label: the
-    name of the source. Raises LogReadError.
+    name of the source. dbc: databases for topics of CAN frames. Raises LogReadError.
     """
-    frames, losses, notes = [], [], []
+    frames: list[Frame] = []
+    losses: list[str] = []
+    notes: list[str] = []
     clocks: dict[str, _Stamped] = {}
+    decoder = can.Decoder(can.load(dbc), label, profile) if dbc else None
     for topic in topics(readers).values():
+        if decoder and can_messages.is_can(topic.kind):
+            stamp = _stamp(profile.clock, topic.fields)
+            table = _read(topic, [*can_messages.FIELDS, *stamp], profile.clock)
+            stamped = _stamped(table, profile.clock, stamp)
+            rows = {name: _rows(column, stamped.keep) for name, column in table.columns.items()}
+            decoder.add(can_messages.frames(stamped.time, rows, topic.name))
+            continue
         more = _derived(profile, topic)
         wanted = [f for f in topic.fields if profile.reads(f, topic.name, topic.kind)]
         if not wanted and not more:
@@ -122,6 +136,11 @@ def recording(readers: Sequence[Reader], profile: Profile, label: str) -> Record
         units = dict(topic.readers[0].units(topic.name))
         own = Frame(topic.name, label, stamped.time, columns, units, topic.kind)
         frames.append(replace(own, frame_id=_frame_id(topic)))
+    if decoder and decoder.heard:
+        decoded = decoder.recording()
+        frames += decoded.frames
+        losses += decoded.losses
+        notes += decoded.notes
     losses += _mixed(clocks, label)
     notes += [f"{label}: {topic}: {c.note}" for topic, c in clocks.items() if c.note]
     frames, strays = _without_strays(frames, clocks)

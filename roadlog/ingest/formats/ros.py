@@ -36,16 +36,14 @@ def recognizes(path: Path) -> bool:
 
 def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
     """`KIND.field` and `TOPIC.field` of every numeric field."""
-    del dbc
     with _opened(path) as (readers, _):
-        return messages.names(readers)
+        return messages.names(readers, dbc)
 
 
 def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """Fields that the profile reads, one frame a topic. Raises LogReadError, MissingExtraError."""
-    del dbc
     with _opened(path) as (readers, losses):
-        found = messages.recording(readers, profile, path.name)
+        found = messages.recording(readers, profile, path.name, dbc)
     return Recording(found.frames, (*losses, *found.losses), found.notes)
 
 
