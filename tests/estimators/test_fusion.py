@@ -207,7 +207,7 @@ def test_one_hour_is_quick_and_small() -> None:
 def test_says_what_it_used(hill_drive: Drive) -> None:
     estimate = estimators.run("fusion", hill_drive, RIGID)
     assert any(note.startswith("used: imu, wheel_speeds (rl, rr)") for note in estimate.notes)
-    found = next(note for note in estimate.notes if note.startswith("found"))
+    found = next(note for note in estimate.notes if note.startswith("estimated constants"))
     assert "gyro_bias_y" in found
     assert "mounting_roll" not in found  # a straight drive does not tell it
     rear = replace(RIGID, driven="rear")

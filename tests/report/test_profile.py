@@ -8,7 +8,8 @@ from support.drives import EPOCH_NS, table
 
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
-from roadlog.report.road import EARTH_RADIUS, STEP, Pass, RoadMerger, pass_of
+from roadlog.geo import EARTH_RADIUS
+from roadlog.report.road import STEP, Pass, RoadMerger, pass_of
 
 LATITUDE, LONGITUDE = 48.0, 11.0
 LENGTH = 3000.0  # m, of the road
