@@ -11,7 +11,7 @@ import pytest
 from support import faults
 from support.drives import SHARED
 
-from roadlog import estimators
+from roadlog import checks, estimators
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import MAX_ANGLE, Estimate
@@ -26,6 +26,10 @@ pytestmark = pytest.mark.slow
 GROUP_FAULTS = [(g, f) for g in faults.GROUPS for f in faults.OF_A_GROUP]
 # without its IMU no method can run on the real drive, which has no torques
 REAL_FAULTS = [(g, f) for g, f in GROUP_FAULTS if (g, f.name) != ("imu", "removed")]
+
+# who does not recover in time: the load pitch that grade_pitch_ekf learns from a sensor that hangs
+# walks by 1e-9 rad^2/s only (Nilsson's tuning), so what it took from there stays for minutes
+LASTING = {("imu", "frozen for 10 s"): {"grade_pitch_ekf"}}
 
 
 class Pass:
@@ -42,8 +46,10 @@ class Pass:
         """RMS error, deg, and share valid, of its first angle from `since` s on."""
         angle = next(a for a in estimate.angles if a in self.truth.angles)
         found = angle_errors(replace(estimate, start_ns=self.start_ns), self.truth, angle)
-        late = found.valid & (found.time > since)
         share = float(estimate.valid[estimate.time > since].mean())
+        if found is None:  # nothing valid where there is truth
+            return np.nan, share
+        late = found.valid & (found.time > since)
         rms = np.sqrt(np.mean(found.error[late] ** 2)) if late.any() else np.nan
         return float(np.degrees(rms)), share
 
@@ -100,7 +106,10 @@ def test_a_fault_of_one_group(mountain: Pass, group: str, fault: faults.Fault) -
             lasting[name] = (
                 f"{before:.2f} -> {after:.2f} deg, valid {share_before:.2f} -> {share:.2f}"
             )
-    assert not lasting
+    assert lasting.keys() == LASTING.get((group, fault.name), set()), lasting
+    if lasting:  # an estimator may believe it, but not without a word
+        tables = {t.topic: t for t in faults.inject(mountain.inputs, fault, group)}
+        assert any(finding.level == "fault" for finding in checks.check(tables, mountain.vehicle))
 
 
 @pytest.mark.parametrize("fault", faults.OF_THE_LOG, ids=lambda fault: fault.name)
