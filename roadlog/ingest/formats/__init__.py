@@ -28,6 +28,7 @@ BUILT_IN = (
     "ubx",
     "sbf",
     "nmea",
+    "gopro",
     "gnsslogger",
     "phone",
     "csv",
