@@ -14,6 +14,7 @@ import numpy as np
 from roadlog.checks.finding import Finding
 from roadlog.geo import EARTH_RADIUS
 from roadlog.signals import AXES, SECTIONS, WHEELS
+from roadlog.spool import release
 from roadlog.storage import Table
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY
@@ -102,6 +103,7 @@ def _signals(tables: Mapping[str, Table]) -> Signals:
             if known.any():
                 time = np.asarray(table.time[::step][known] * 1e-9)
                 found[signal.role] = time, values[known]
+            release([column, table.time])
     return found
 
 
