@@ -19,6 +19,7 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.ingest import ingest
+from roadlog.ingest.profile import states_mounting
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
 from roadlog.signals import ANGLES, TRUTH_TOPIC
 from roadlog.simulate import simulate
@@ -113,8 +114,11 @@ def real(name: str) -> dict[str, str]:
         sources, profile, [SHARED / database for database in databases], truth_from=truth_from
     )
     truth = Estimate.from_table(next(t for t in result.tables if t.topic == TRUTH_TOPIC))
+    vehicle = Vehicle()
+    if states_mounting(result.metadata["profile"]):
+        vehicle = vehicle.with_stated_mounting()
     cells = {}
-    for estimator, angle, found in compared(Drive.from_tables(result.tables), truth, Vehicle()):
+    for estimator, angle, found in compared(Drive.from_tables(result.tables), truth, vehicle):
         if angle == "grade" and found.std_deg is not None:
             within = "" if found.within_2sd is None else f" ({100 * found.within_2sd:.0f} %)"
             cells[estimator] = f"{found.std_deg:.2f}{within}"

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from roadlog import estimators
-from roadlog.car.vehicle import Source, Vehicle
+from roadlog.car.vehicle import Vehicle
 from roadlog.errors import EstimatorError
 from roadlog.log import DriveLog, create
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
@@ -76,9 +76,7 @@ def drawn(seed: int) -> Unseen:
         told = replace(car, pitch_gradient=None, roll_gradient=None)
         told = told.with_values(imu_position=imu.position)
     if stated:
-        told = told.mounted(np.eye(3))
-        said = Source("given", axis_sd=(STATED_SD, STATED_SD, STATED_SD))
-        told = replace(told, sources={**told.sources, "imu_mount": said})
+        told = told.with_stated_mounting(STATED_SD)
     return Unseen(scenario, car, told, speed)
 
 
@@ -164,10 +162,12 @@ def _way(rng: np.random.Generator) -> tuple[Tour, RoadShape]:
     return tour, road
 
 
-def _load(rng: np.random.Generator) -> Load | None:
-    if rng.random() < 0.5:
-        return None
-    return Load(rng.uniform(75, 300), (rng.uniform(-1.2, 0.1), rng.uniform(-0.3, 0.3), 0.1))
+def _load(rng: np.random.Generator) -> Load:
+    """Up to four people, and now and then a full trunk."""
+    people = 75.0 * rng.integers(1, 5)
+    trunk = rng.uniform(20, 150) if rng.random() < 0.3 else 0.0
+    x = people * rng.uniform(-0.5, 0.2) - trunk * 1.4
+    return Load(people + trunk, (x / (people + trunk), rng.uniform(-0.3, 0.3), 0.1))
 
 
 def _can(rng: np.random.Generator, speed: str) -> CanSensors:

@@ -195,9 +195,18 @@ class DriveLog:
 
     @cached_property
     def vehicle(self) -> Vehicle:
-        """The vehicle file stored in the log, or the default car."""
+        """The vehicle file stored in the log, or the default car; `as_mounted`."""
         text = self.metadata.get("vehicle", {}).get("toml", "")
-        return Vehicle.from_toml(text, f"{self.path}: metadata 'vehicle'") if text else Vehicle()
+        found = Vehicle.from_toml(text, f"{self.path}: metadata 'vehicle'") if text else Vehicle()
+        return self.as_mounted(found)
+
+    def as_mounted(self, vehicle: Vehicle) -> Vehicle:
+        """The vehicle with the mounting that the log's profile states, unless it states its own."""
+        from roadlog.ingest.profile import states_mounting
+
+        if vehicle.states_mounting or not states_mounting(self.metadata.get("profile", {})):
+            return vehicle
+        return vehicle.with_stated_mounting()
 
     @property
     def estimators(self) -> list[str]:

@@ -29,6 +29,7 @@ class Source:
     axis_sd: tuple[float, float, float] | None = None
 
 
+STATED_MOUNTING = 0.0052  # rad (0.3 deg), sd of a mounting that somebody measured and gave no sd
 DEFAULT = Source("default")
 
 
@@ -112,6 +113,17 @@ class Vehicle:
         """Where a parameter comes from."""
         return self.sources.get(parameter, DEFAULT)
 
+    @property
+    def states_mounting(self) -> bool:
+        """Whether somebody said how the IMU lies, beyond which of its axes points where."""
+        source = self.source("imu_mount")
+        turned = any(0.0 < abs(value) < 1.0 for row in self.imu_mount or () for value in row)
+        return source.sd is not None or source.axis_sd is not None or turned
+
+    def with_stated_mounting(self, sd: float = STATED_MOUNTING) -> Vehicle:
+        """A copy whose IMU lies as the log has it, to `sd` (rad, each axis)."""
+        return replace(self, sources={**self.sources, "imu_mount": Source("given", sd)})
+
     def with_values(self, kind: Kind = "given", **values: Any) -> Vehicle:
         """A copy with some parameters set, and their source noted."""
         marks = {name: Source(kind) for name in values}
@@ -193,18 +205,19 @@ class Vehicle:
         lines = {"vehicle": ["[vehicle]"], "tank": ["[tank]"], "sources": ["[sources]"]}
         for parameter in fields(self):
             name, value = parameter.name, getattr(self, parameter.name)
-            if name == "sources" or value is None or self.source(name) == DEFAULT:
+            if name == "sources" or self.source(name) == DEFAULT:
                 continue
             key = parameter.metadata["key"] or name
+            if value is None:
+                if self.source(name).sd is not None:  # stated, as it is
+                    lines["sources"].append(_toml_source(key, self.source(name)))
+                continue
             section = "tank" if key.startswith("tank.") else "vehicle"
             unit = f"  # {parameter.metadata['unit']}" if parameter.metadata["unit"] else ""
             lines[section].append(f"{key.removeprefix('tank.')} = {_toml(value)}{unit}")
             source = self.source(name)
-            spread = source.sd if source.axis_sd is None else source.axis_sd
-            if source.kind != "given" or spread is not None:
-                sd = "" if spread is None else f", sd = {_toml(spread)}"
-                quoted = f'"{key}"' if "." in key else key
-                lines["sources"].append(f'{quoted} = {{ source = "{source.kind}"{sd} }}')
+            if source != Source("given"):
+                lines["sources"].append(_toml_source(key, source))
         return "\n\n".join("\n".join(block) for block in lines.values() if len(block) > 1) + "\n"
 
     @classmethod
@@ -293,6 +306,13 @@ def _rotation(value: Any, where: str) -> tuple[Axis, Axis, Axis]:
     if deviation > _ORTHOGONAL or np.linalg.det(matrix) < 0:
         raise ConfigError(f"{where}: is no rotation of right-handed axes")
     return tuple(tuple(float(v) for v in row) for row in rows)  # type: ignore[return-value]
+
+
+def _toml_source(key: str, source: Source) -> str:
+    spread = source.sd if source.axis_sd is None else source.axis_sd
+    sd = "" if spread is None else f", sd = {_toml(spread)}"
+    quoted = f'"{key}"' if "." in key else key
+    return f'{quoted} = {{ source = "{source.kind}"{sd} }}'
 
 
 def _toml(value: Any) -> str:

@@ -167,7 +167,7 @@ def _estimate_log(
     log, target = target.of(DriveLog(path, profile))
     tables = log.inputs()
     drive = log.drive(rate, tables)
-    vehicle = given or log.vehicle
+    vehicle = log.as_mounted(given) if given else log.vehicle
     faults = log.faults(vehicle, tables) if checks else []
     del tables
     chosen, refused = _chosen(names, settings, drive)

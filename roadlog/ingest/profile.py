@@ -94,6 +94,7 @@ class Profile:
     """A checked profile.
 
     entries: section -> field -> entry. mounts: section -> rotation matrix, vehicle = R @ sensor.
+    measured: the mount is an angle that somebody measured, not only which axis points where.
     clocks: file pattern -> clock, where files differ ([[time]]), the first that fits; clock: of
     all others. family: it comes with roadlog and describes a kind of source, whose members need
     not have all of its signals; a user's own file means every line of it.
@@ -105,6 +106,7 @@ class Profile:
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
     mounts: Mapping[str, Floats] = field(default_factory=dict)
     family: bool = False
+    measured: bool = False
     clocks: tuple[tuple[str, Clock], ...] = ()
 
     def for_file(self, name: str) -> Profile:
@@ -138,6 +140,7 @@ class Profile:
         clocks = _clocks(document.pop("time", {}), where)
         entries: dict[str, dict[str, Entry]] = {}
         mounts: dict[str, Floats] = {}
+        measured = False
         for section, table in document.items():
             _known(section, SECTIONS, f"{where}: unknown section [{section}]")
             if not isinstance(table, dict):
@@ -148,6 +151,7 @@ class Profile:
                 if section != "imu":
                     raise ConfigError(f"{here}: only [imu] has a mount")
                 mounts[section] = rotation(mount, here)
+                measured = not {"matrix", "rpy_deg"}.isdisjoint(mount)
             fields = SECTIONS[section].fields
             for key in table:
                 _known(key, fields, f"{here}: unknown signal '{key}'")
@@ -159,7 +163,7 @@ class Profile:
             raise ConfigError(f"{where}: maps no signal; see `roadlog profile new --help`")
         clock = dict(clocks).get("", Clock())
         per_file = tuple((pattern, clock) for pattern, clock in clocks if pattern)
-        return cls(name, text, clock, entries, mounts, clocks=per_file)
+        return cls(name, text, clock, entries, mounts, measured=measured, clocks=per_file)
 
     @property
     def names(self) -> set[str]:
@@ -247,6 +251,14 @@ def find(entry: Entry, frames: Sequence[Frame]) -> tuple[Frame, str]:
 
 def _any_match(files_: str, pattern: str) -> bool:
     return any(fnmatch(name, pattern) for name in files_.split(", "))
+
+
+def states_mounting(record: Mapping[str, str]) -> bool:
+    """Whether the profile in a log's record gives measured angles of the IMU's mounting."""
+    try:
+        return Profile.from_toml(record["toml"], record.get("name", "")).measured
+    except (KeyError, ConfigError):
+        return False
 
 
 def _clocks(time: Any, where: str) -> list[tuple[str, Clock]]:

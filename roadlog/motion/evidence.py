@@ -68,6 +68,11 @@ class Evidence:
             return None
         return np.stack([self[role] for role in roles])
 
+    @staticmethod
+    def block(values: Floats, rate: float) -> Floats:
+        """One more signal of `rate` Hz, as `of` does it."""
+        return _block_mean(values, max(1, round(rate / RATE)))
+
     def __contains__(self, role: str) -> bool:
         return role in self.signals
 

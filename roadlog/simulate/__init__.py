@@ -104,7 +104,7 @@ def simulate(
     else:
         motion = _straight_motion(scenario, seed, vehicle)
     sensors = scenario.sensors
-    sheet = sheet.with_values(imu_position=sensors.imu.position)
+    sheet = sheet.with_values(imu_position=sensors.imu.position).with_stated_mounting()
     if is_full and sensors.gnss.rate:
         sheet = sheet.with_values(antenna_position=sensors.gnss.position)
     tables = _tables(scenario, motion, sensors.measure(motion, sheet, seed))

@@ -10,7 +10,7 @@ import pytest
 from support.drives import table
 
 from roadlog import estimators
-from roadlog.car.vehicle import Vehicle
+from roadlog.car.vehicle import STATED_MOUNTING, Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators.fusion.estimator import FUSION
@@ -238,7 +238,7 @@ def test_no_delay_is_read_from_a_constant_speed() -> None:
     """At constant speed a receiver's lag does not show; guessing it bent the bank by 0.5 deg."""
     slalom = simulate("ryu2004-slalom")
     _, figures, drive = run(slalom)
-    assert gnss_delay(drive, speed_source(drive, slalom.vehicle)) == 0.0
+    assert gnss_delay(drive, speed_source(drive, slalom.vehicle)) == (0.0, False)
     assert (figures["bank"].rmse_deg or 1) < 0.06
 
 
@@ -248,7 +248,7 @@ def drawn(seed: int) -> dict[str, Change]:
     params = FusionParameters()
     accel = params.accel_bias_sd * np.array([1, 1, 2]) * rng.standard_normal(3)
     gyro = np.radians(0.1) * rng.standard_normal(3)
-    roll, pitch, yaw = params.mounting_sd * rng.standard_normal(3)
+    roll, pitch, yaw = STATED_MOUNTING * rng.standard_normal(3)
     turn = np.eye(3) + np.array([[0, -yaw, pitch], [yaw, 0, -roll], [-pitch, roll, 0]])
     scale = 1 + 0.002 * rng.standard_normal()
 
@@ -321,7 +321,7 @@ def test_an_imu_that_repeats_itself_is_not_believed() -> None:
 
 
 def test_exact_numbers_are_no_frozen_sensor() -> None:
-    estimate = estimators.run("fusion", constant_drive(0.0), Vehicle())
+    estimate = estimators.run("fusion", constant_drive(0.0), Vehicle().with_stated_mounting())
     assert estimate.valid.all()
     assert estimate.inclination[3000] == pytest.approx(np.arcsin(0.5 / G), abs=np.radians(0.05))
 
@@ -329,6 +329,6 @@ def test_exact_numbers_are_no_frozen_sensor() -> None:
 def test_impossible_samples_are_left_out() -> None:
     drive = constant_drive(0.01)
     drive.native["imu"].columns["accel_x"][25::50] = 500.0  # m/s2
-    estimate = estimators.run("fusion", drive, Vehicle())
+    estimate = estimators.run("fusion", drive, Vehicle().with_stated_mounting())
     assert estimate.valid.all()
     assert estimate.inclination[3000] == pytest.approx(np.arcsin(0.5 / G), abs=np.radians(0.05))

@@ -16,6 +16,7 @@ from roadlog.estimators.fusion.mounting import mounting_prior
 from roadlog.estimators.fusion.noise import noise_of
 from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.priors import priors
+from roadlog.estimators.fusion.rauch_tung_striebel import noise_matrix
 from roadlog.estimators.fusion.recursion import soft_variance
 from roadlog.estimators.fusion.rows import row
 from roadlog.estimators.fusion.states import ROWS, N, State
@@ -59,7 +60,7 @@ def walked(
     mean, P0 = priors(inputs)
     x, P = np.append(steps.starts[0] + mean, 0.0), np.zeros((N + 1, N + 1))
     P[:N, :N], P[N, N] = P0, np.radians(10.0) ** 2
-    F, q, h = np.eye(N + 1), np.zeros(N), np.zeros(N)
+    F, q, h = np.eye(N + 1), np.zeros(N + 1), np.zeros(N)
     passed = []
     for k in range(len(steps.speed)):
         if k:
@@ -70,7 +71,9 @@ def walked(
             F = np.eye(N + 1)
             F[:N, :N] = jacobian
             x = np.append(propagate(x[:N], force, rate, steps.dt, noise, False), x[N])
-            P = F @ P @ F.T + np.diag(np.append(q, walk**2) * np.append(np.ones(N), steps.dt))
+            P = F @ P @ F.T
+            P[:N, :N] += noise_matrix(q)
+            P[N, N] += walk**2 * steps.dt
         before = x, P
         for kind in range(ROWS):
             residual, sd, gate = row(kind, k, x[:N], steps, noise, h)

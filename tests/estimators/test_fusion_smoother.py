@@ -13,7 +13,7 @@ from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.priors import priors
 from roadlog.estimators.fusion.recursion import prediction, residual_row
 from roadlog.estimators.fusion.smoother import smooth
-from roadlog.estimators.fusion.states import ROWS, N, State
+from roadlog.estimators.fusion.states import ROWS, W_THETA, N, State
 from roadlog.estimators.fusion.steps import Fix, Steps
 from roadlog.types import Floats
 
@@ -47,6 +47,15 @@ def with_gap(steps: Steps) -> Steps:
     alive[120:170] = False
     start[170] = 1
     return steps._replace(alive=alive, start=start, starts=np.repeat(steps.starts, 2, axis=0))
+
+
+def noise_root(q: np.ndarray) -> np.ndarray:
+    """Lower triangular, (29, 29), whose square is the process noise."""
+    root = np.diag(np.sqrt(q[:N]))
+    w, theta = State.W, State.THETA
+    root[theta, w] = q[W_THETA] / root[w, w]
+    root[theta, theta] = np.sqrt(q[theta] - root[theta, w] ** 2)
+    return root
 
 
 @pytest.mark.parametrize(("known", "look_ahead"), [(0, True), (170, True), (0, False)])
@@ -96,12 +105,12 @@ def test_equals_the_dense_batch_solution(problem: tuple[Steps, Noise, Floats]) -
     mean, spread = steps.starts[0].copy(), np.zeros((N, N * (n + 1)))
     spread[:, :N] = np.sqrt(P0)
     means, maps, rows, residuals, sds = [], [], [], [], []
-    F, q, h = np.empty((N, N)), np.empty(N), np.empty(N)
+    F, q, h = np.empty((N, N)), np.empty(N + 1), np.empty(N)
     for k in range(n):
         if k > 0:
             mean = prediction(k - 1, mean, steps, noise, at, F, q)
             spread = F @ spread
-            spread[np.arange(N), N * k + np.arange(N)] += np.sqrt(q)
+            spread[:, N * k : N * (k + 1)] += noise_root(q)
         means.append(mean)
         maps.append(spread.copy())
         for kind in range(ROWS):

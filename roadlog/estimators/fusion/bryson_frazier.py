@@ -24,7 +24,7 @@ from roadlog.estimators.fusion.recursion import (
     restart,
     soft_variance,
 )
-from roadlog.estimators.fusion.states import COUPLED, DECAYING, MOVING, ROWS, N
+from roadlog.estimators.fusion.states import COUPLED, DECAYING, MOVING, ROWS, W_THETA, N, State
 from roadlog.estimators.fusion.steps import Steps
 from roadlog.types import Floats
 
@@ -33,7 +33,7 @@ PIECE = 128  # steps between two checkpoints; covariances of one piece (0.7 MB) 
 
 @njit(cache=True)
 def _predict_covariance(P: Floats, F: Floats, q: Floats, scratch: Floats) -> None:
-    """P <- F P F' + diag(q), in place; only COUPLED and DECAYING rows need work."""
+    """P <- F P F' + Q, in place; only COUPLED and DECAYING rows need work."""
     m = len(COUPLED)
     scratch[:] = 0.0
     for c in range(m):
@@ -60,6 +60,8 @@ def _predict_covariance(P: Floats, F: Floats, q: Floats, scratch: Floats) -> Non
             P[j, i] *= F[i, i]
     for i in range(N):
         P[i, i] += q[i]
+    P[State.W, State.THETA] += q[W_THETA]
+    P[State.THETA, State.W] += q[W_THETA]
 
 
 @njit(cache=True)
@@ -124,7 +126,7 @@ def _forward(
     piece: Piece,
 ) -> Floats:
     """Filter steps first .. last - 1 from (x, P) after the step before; P in place, x returned."""
-    h, q, Ph = np.empty(N), np.empty(N), np.empty(N)
+    h, q, Ph = np.empty(N), np.empty(N + 1), np.empty(N)
     scratch = np.empty((len(COUPLED), N))
     for k in range(first, last):
         m = k - first

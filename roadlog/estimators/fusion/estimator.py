@@ -17,6 +17,7 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Detail, Estimate, complete_angles
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag
+from roadlog.estimators.fusion.consistency import refused
 from roadlog.estimators.fusion.fit import fitted
 from roadlog.estimators.fusion.notes import OFFSET_LIMIT, notes
 from roadlog.estimators.fusion.outputs import Output
@@ -33,7 +34,7 @@ SETTLE = 2.0  # s at the ends of a run of the IMU, flagged
 
 def fusion(drive: Drive, vehicle: Vehicle, params: FusionParameters, engine: Engine) -> Estimate:
     """All angles with their uncertainty, and every constant found with its standard error."""
-    return estimate(solved(fitted(drive, vehicle, params), engine), drive.time)
+    return estimate(solved(refused(fitted(drive, vehicle, params)), engine), drive.time)
 
 
 def estimate(solution: Solution, time: Floats) -> Estimate:
@@ -47,6 +48,7 @@ def estimate(solution: Solution, time: Floats) -> Estimate:
     }
     for values in (*angles.values(), *sd.values()):
         values[~alive] = np.nan
+    fits = not solution.consistency.faults
     missing = ~alive | without_speed(solution.fit.inputs.source, time)
     shape = solution.shape_sd[solution.known]
     details = {
@@ -62,7 +64,7 @@ def estimate(solution: Solution, time: Floats) -> Estimate:
         time,
         complete_angles(angles),
         sd,
-        ~missing,
+        ~missing & fits,
         flags,
         details,
         notes(solution),
@@ -93,6 +95,7 @@ def _flags(solution: Solution, time: Floats, alive: Bools, missing: Bools) -> Fl
         | flag(_nearest(own, steps.still, time), "standstill")
         | flag(lateral > LINEAR_TIRES, "model")
         | flag(settling, "converging")
+        | flag(np.full(len(time), bool(solution.consistency.faults)), "rejected")
         | flag(np.interp(time, known, beyond) > 0.5, "uncertain")
     )
 

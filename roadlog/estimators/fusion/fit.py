@@ -28,12 +28,18 @@ MAX_ROUNDS = 4  # of adapting
 
 @dataclass(frozen=True)
 class Fit:
-    """What the smoother is given. steps: with fixes. P0 (29, 29): prior of all states."""
+    """What the smoother is given. steps: with fixes. P0 (29, 29): prior of all states.
+
+    late_receiver: it lies further from the car's own speed than is looked for. doubts: sentences on
+    constants that no car has.
+    """
 
     inputs: Inputs
     steps: Steps
     P0: Floats
     noise: Noise
+    late_receiver: bool = False
+    doubts: tuple[str, ...] = ()
 
 
 def fitted(drive: Drive, vehicle: Vehicle, params: FusionParameters) -> Fit:
@@ -56,12 +62,14 @@ def begin(inputs: Inputs) -> Fit:
     """With priors, the noise as it is set, and the receiver's fixes at their own times."""
     mean, P0 = priors(inputs)
     noise = noise_of(inputs)
-    delay = gnss_delay(inputs.drive, inputs.source)
-    if delay:  # behind a speed that may be late itself: by how much follows from the IMU
+    delay, beyond = gnss_delay(inputs.drive, inputs.source)
+    if (
+        delay and inputs.source.name != "gnss"
+    ):  # behind a speed that may be late itself: by how much follows from the IMU
         alone = beginning(_started(inputs.steps, mean))
         late = float(filtered(alone, noise, P0)[0][last(alone), State.SPEED_DELAY])
         delay += late if abs(late) > inputs.steps.dt / 2 else 0.0  # counts at the nearest step
-    return Fit(inputs, _started(inputs.with_fixes(delay), mean), P0, noise)
+    return Fit(inputs, _started(inputs.with_fixes(delay), mean), P0, noise, beyond)
 
 
 def _started(steps: Steps, mean: Floats) -> Steps:
@@ -75,7 +83,7 @@ def _adapted(fit: Fit) -> tuple[Fit, Floats]:
     x, innovations = filtered(steps, fit.noise, fit.P0)
     if not _is_wrong(scales(innovations, steps.dt)):
         return fit, x
-    known = steps._replace(starts=_knowing(steps, x))
+    known = knowing(steps, x[last(steps)])
     scale = scales(filtered(known, fit.noise, fit.P0)[1], steps.dt)
     if not _is_wrong(scale):
         return fit, x
@@ -87,8 +95,8 @@ def _is_wrong(scale: Floats) -> bool:
     return bool(np.any(scale > CHANGED))
 
 
-def _knowing(steps: Steps, x: Floats) -> Floats:
-    """(m, 29) states to begin with, where the constants are known from the whole drive."""
+def knowing(steps: Steps, x: Floats) -> Steps:
+    """Begun at the constants of x (29,), as they are known from the whole drive."""
     starts = steps.starts.copy()
-    starts[:, CONSTANTS] = x[last(steps), CONSTANTS]
-    return starts
+    starts[:, CONSTANTS] = x[list(CONSTANTS)]
+    return steps._replace(starts=starts)

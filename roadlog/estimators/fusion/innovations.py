@@ -24,18 +24,26 @@ CHANGED = 1.5  # factor of an sd, below which the filter is not run again
 
 
 def scales(innovations: Floats, dt: float) -> Floats:
-    """(ROWS,), by which the sd of each row is too small for these innovations (n, ROWS); 1 or more.
+    """(ROWS,), by which the sd of each ADAPTED row is too small for innovations (n, ROWS)."""
+    result = np.ones(ROWS)
+    rows = list(ADAPTED)
+    result[rows] = np.maximum(misfit(innovations, dt)[rows], 1.0)
+    return result
 
-    The root of their mean square times the number of samples that count as one.
+
+def misfit(innovations: Floats, dt: float) -> Floats:
+    """(ROWS,), how far the innovations (n, ROWS) of each row are from white and of unit variance.
+
+    The root of their mean square times the number of samples that count as one: 1 is as assumed;
+    also where there are too few to tell.
     """
     result = np.ones(ROWS)
-    for kind in ADAPTED:
+    for kind in range(ROWS):
         at = np.flatnonzero(np.isfinite(innovations[:, kind]))
         if len(at) >= MIN_SAMPLES:
             z = innovations[at, kind]
             lags = int(LONGEST / dt / np.median(np.diff(at)))
-            found = np.sqrt(np.mean(z**2) * correlated(z, max(lags, 1)))
-            result[kind] = max(1.0, found)
+            result[kind] = np.sqrt(np.mean(z**2) * correlated(z, max(lags, 1)))
     return result
 
 

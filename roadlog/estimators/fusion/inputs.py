@@ -17,20 +17,20 @@ from roadlog.errors import EstimatorError
 from roadlog.estimators.fusion.gnss import fixes_of, revisits
 from roadlog.estimators.fusion.mounting import Mounting
 from roadlog.estimators.fusion.parameters import FusionParameters
-from roadlog.estimators.fusion.speed import SpeedSource, binned, interpolated, speed_source
+from roadlog.estimators.fusion.speed import SpeedSource, binned, interpolated, on_time, speed_source
 from roadlog.estimators.fusion.states import N, State
 from roadlog.estimators.fusion.steps import RATE, Fix, Steps, Sway, grid
 from roadlog.estimators.fusion.torque import torque_bias
 from roadlog.filters.kernels import odd_window, slope
 from roadlog.filters.lowpass import first_order, second_order
+from roadlog.motion.imu_noise import MAX_FORCE, MAX_RATE
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
-MAX_FORCE = 50.0  # m/s2; no car on its wheels reaches it, a broken message does
-MAX_RATE = 8.0  # rad/s, likewise
 FROZEN = 0.5  # s; six signals that repeat for longer while the car moves are no measurement
 MOVES = 1.0  # m/s
 MAX_IMU_GAP = 0.2  # s, bridged by interpolation; longer ones begin a new run
+GAP_INTERVALS, SLOWEST_IMU = 2.5, 0.25  # and so many intervals of a sensor that is slow, s at most
 MIN_RUN = 1.0  # s, shorter runs of the IMU are not used
 START = 2.0  # s, over which the first tilt is averaged
 RATE_WINDOW = 0.11  # s, for the derivative of the gyro
@@ -64,7 +64,7 @@ class Inputs:
         """Raises EstimatorError when no second of IMU and speed is there."""
         if not np.array_equal(mounting.rotation, np.eye(3)):
             drive = corrected(drive, Vehicle().mounted(mounting.rotation))
-        source = speed_source(drive, vehicle)
+        source = on_time(speed_source(drive, vehicle), drive)
         steps = build(drive, vehicle, source, params)
         return cls(
             drive, vehicle, params, mounting, source, steps, torque_bias(drive, vehicle, steps)
@@ -166,30 +166,46 @@ def _sway(point: Floats, vehicle: Vehicle) -> Floats:
 
 
 def _imu(drive: Drive, time: Floats) -> tuple[Floats, Floats, Bools]:
-    """Mean over each step, value at each step, (n, 6) force and rate; and where they are known."""
+    """Mean over each step, value at each step, (n, 6) force and rate; and where they are known.
+
+    Accelerometer and gyro each at the times of its own samples.
+    """
     samples = drive.native["imu"]
-    columns = [samples.columns[f"{kind}_{axis}"] for kind in ("accel", "gyro") for axis in "xyz"]
-    values = np.stack(columns, axis=1)
-    limit = np.repeat([MAX_FORCE, MAX_RATE], 3)
-    with np.errstate(invalid="ignore"):
-        known: Bools = np.all(np.abs(values) < limit, axis=1)
-    known[1:] &= np.diff(samples.time) > 0
-    known &= ~_frozen(drive, samples.time, values)
-    own, values = samples.time[known], values[known]
+    names = [f"{kind}_{axis}" for kind in ("accel", "gyro") for axis in "xyz"]
+    values = np.stack([samples.columns[name] for name in names], axis=1)
+    fresh = ~_frozen(drive, samples.time, values)
+    fresh[1:] &= np.diff(samples.time) > 0
     n = len(time)
-    mean, point, alive = np.zeros((n, 6)), np.zeros((n, 6)), np.zeros(n, np.bool_)
-    breaks = np.flatnonzero(np.diff(own) > MAX_IMU_GAP) + 1
-    for part in np.split(np.arange(len(own)), breaks):
-        if not len(part) or own[part[-1]] - own[part[0]] < MIN_RUN:
-            continue
+    mean, point, alive = np.zeros((n, 6)), np.zeros((n, 6)), np.ones(n, np.bool_)
+    for triad, limit in ((slice(0, 3), MAX_FORCE), (slice(3, 6), MAX_RATE)):
+        with np.errstate(invalid="ignore"):
+            known = fresh & np.all(np.abs(values[:, triad]) < limit, axis=1)
+        own = samples.time[known], values[known, triad]
+        alive &= _on_steps(*own, time, mean[:, triad], point[:, triad])
+    for run in runs(alive):
+        if time[run.stop - 1] - time[run.start] < MIN_RUN - 1 / RATE:
+            alive[run] = False
+    return mean, point, alive
+
+
+def _on_steps(own: Floats, values: Floats, time: Floats, mean: Floats, point: Floats) -> Bools:
+    """Samples to their means over steps and values at steps, in place; where they are known."""
+    alive = np.zeros(len(time), np.bool_)
+    steps = np.diff(own)
+    if not len(steps):
+        return alive
+    longest = max(MAX_IMU_GAP, GAP_INTERVALS * min(float(np.median(steps)), SLOWEST_IMU))
+    for part in np.split(np.arange(len(own)), np.flatnonzero(steps > longest) + 1):
         inside = np.flatnonzero((time >= own[part[0]] - 1e-9) & (time <= own[part[-1]] + 1e-9))
+        if len(part) < 2 or len(inside) < 2:
+            continue
         integral = _integral(own[part], values[part], time[inside])
         step = np.diff(integral, axis=0) * RATE
         run = slice(inside[0], inside[-1] + 1)
         mean[run] = np.concatenate([step, step[-1:]])
         point[run] = np.concatenate([step[:1], 0.5 * (step[1:] + step[:-1]), step[-1:]])
         alive[run] = True
-    return mean, point, alive
+    return alive
 
 
 def _frozen(drive: Drive, own: Floats, values: Floats) -> Bools:

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from roadlog.estimators.fusion.noise import SHAKING_SPEED, SLOWEST, Noise
-from roadlog.estimators.fusion.states import N
+from roadlog.estimators.fusion.states import W_THETA, N
 from roadlog.estimators.fusion.states import State as S
 from roadlog.estimators.fusion.steps import Sway
 from roadlog.types import Floats
@@ -117,15 +117,26 @@ def _transition_of_angles(x: Floats, q: float, r: float, dt: float, F: Floats) -
 def process_noise(
     x: Floats, f: Floats, w: Floats, s: Floats, dt: float, noise: Noise, q: Floats
 ) -> None:
-    """Diagonal of Q over one step into q (29,); docs/methods/fusion.md#process-noise."""
+    """Diagonal of Q over one step into q (30,), then its covariance of W and THETA.
+
+    The noise of the gyro is in the velocities too, and there it is the same error as in the tilt.
+    Source: docs/methods/fusion.md#process-noise.
+    """
     q[:] = 0.0
     forward = f[0] - G * sin(x[S.THETA])
     q[S.U] = dt * (noise.accel**2 + (noise.accel_gain * forward) ** 2)
     q[S.V] = dt * (
-        noise.accel**2 + (noise.accel_gain * f[1]) ** 2 + (noise.yaw_slip * w[2] * x[S.U]) ** 2
+        noise.accel**2
+        + (noise.accel_gain * f[1]) ** 2
+        + (noise.yaw_slip * w[2] * x[S.U]) ** 2
+        + (noise.yaw * x[S.U]) ** 2
     )
-    q[S.W] = dt * (noise.vertical**2 + (noise.vertical_gain * w[1] * x[S.U]) ** 2)
-    q[S.PHI] = q[S.THETA] = dt * (noise.gyro**2 + (noise.gyro_cross * w[2]) ** 2)
+    q[S.W] = dt * (
+        noise.vertical**2 + (noise.vertical_gain * w[1] * x[S.U]) ** 2 + (noise.pitch * x[S.U]) ** 2
+    )
+    q[S.PHI] = dt * (noise.roll**2 + (noise.gyro_cross * w[2]) ** 2)
+    q[S.THETA] = dt * (noise.pitch**2 + (noise.gyro_cross * w[2]) ** 2)
+    q[W_THETA] = -dt * x[S.U] * noise.pitch**2
     share = 1.0 - exp(-2 * dt / noise.body_time)
     body = noise.body + noise.body_vibration * sqrt(
         max(SHAKING_SPEED / max(abs(x[S.U]), SLOWEST), 1.0)

@@ -9,13 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roadlog.car.vehicle import Vehicle
+from roadlog.car.vehicle import STATED_MOUNTING, Vehicle
 from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.states import MOUNTING, State
 from roadlog.estimators.fusion.steps import HEIGHTS, Fix, Steps, has, last
 from roadlog.types import Bools, Floats
 from roadlog.units import DEG
 
+YAW_LOOSER = 2.0  # times `mounting_sd`: a housing is put level, and forward by the eye
 CALIBRATED_MOUNTING = 0.1 * DEG  # a mounting that the vehicle file gives is no better
 UNKNOWN_MOUNTING = 3.0 * DEG  # of an IMU that lies somewhere in the car
 CROSSFALL = 1.5 * DEG  # sd of a drive's mean bank: what levels an IMU that lies askew
@@ -63,11 +64,15 @@ class Mounting:
 
 
 def mounting_prior(vehicle: Vehicle, params: FusionParameters) -> Mounting:
-    """As the vehicle file has it, else straight."""
-    known = vehicle.source("imu_mount").axis_sd
-    sd = np.full(3, params.mounting_sd)
+    """As the vehicle file has it, else straight as far as an eye can tell."""
+    source = vehicle.source("imu_mount")
+    known = source.axis_sd or source.sd
     if known is not None:
-        sd = np.maximum(known, CALIBRATED_MOUNTING)
+        sd = np.maximum(np.broadcast_to(known, 3), CALIBRATED_MOUNTING)
+    elif vehicle.states_mounting:
+        sd = np.full(3, STATED_MOUNTING)
+    else:
+        sd = params.mounting_sd * np.array([1.0, 1.0, YAW_LOOSER])
     return Mounting(np.eye(3), np.zeros(3), sd)
 
 

@@ -14,6 +14,7 @@ from roadlog.drive import runs
 from roadlog.estimators.fusion.inputs import Inputs
 from roadlog.estimators.fusion.states import ROWS
 from roadlog.estimators.fusion.steps import RATE, Steps
+from roadlog.motion.imu_noise import ImuNoise
 from roadlog.types import Floats
 from roadlog.units import DEG
 
@@ -22,9 +23,10 @@ ACCEL_GAIN = 0.01  # -, scale and cross-axis error of a MEMS accelerometer
 YAW_SLIP = 0.002  # -, of u r: gyro scale times speed
 VERTICAL_GAIN = 0.002  # -, of u q, likewise
 GYRO_BIAS = 1e-5  # rad/s, 0.005 deg/s in 90 s: sensors warm up
-ACCEL_BIAS = 3e-4  # m/s2, 0.003 m/s2 in 90 s, likewise
+ACCEL_BIAS = 3e-4  # m/s2, at least: 0.003 m/s2 in 90 s, likewise
+# -, of its own prior, by which the accelerometer's bias may wander over WARM_UP s, or the drive
+WANDER, WARM_UP = 0.5, 600.0
 TURN_TIME = 5.0  # s of a turn, over which an error in proportion to its rate lasts
-YAW = 0.02 * DEG  # rad, as the tilt
 YAW_GAIN = 0.002  # -, scale error of the gyro
 ALTITUDE = 1e-3  # m, little: altitude is the integral of the climb
 FAST_GNSS = 5.0  # Hz; slower receivers are of the consumer kind, with a slower and larger error
@@ -53,7 +55,8 @@ class Noise(NamedTuple):
     yaw_slip: float  # -, share of u r
     vertical: float  # m/s2/sqrt(Hz)
     vertical_gain: float  # -, share of u q
-    gyro: float  # rad/sqrt(s)
+    roll: float  # rad/sqrt(s), of the gyro about x
+    pitch: float  # rad/sqrt(s), of the gyro about y
     gyro_cross: float  # sqrt(s), times the yaw rate: its share in the other axes
     gyro_bias: float  # rad/s/sqrt(s)
     accel_bias: float  # m/s2/sqrt(s)
@@ -66,7 +69,7 @@ class Noise(NamedTuple):
     body_time: float  # s
     pitch_gradient: float  # rad/(m/s2), prior mean
     roll_gradient: float  # rad/(m/s2), prior mean
-    yaw: float  # rad/sqrt(s)
+    yaw: float  # rad/sqrt(s), of the gyro about z
     yaw_gain: float  # -, share of the yaw rate
     altitude: float  # m/sqrt(s)
     altimeter: float  # m, slow error of the altimeter
@@ -86,20 +89,25 @@ class Noise(NamedTuple):
 
 
 def noise_of(inputs: Inputs) -> Noise:
-    """The noise of this drive: what is set, and how rough its road and fast its receiver is."""
+    """The noise of this drive: what is set, its own IMU's, its road's, its receiver's."""
     drive, vehicle, params = inputs.drive, inputs.vehicle, inputs.params
-    rough = vibration(inputs.steps)
+    rough, own = vibration(inputs.steps), ImuNoise.of(drive.native["imu"])
     fast = "gnss" in drive.native and np.median(np.diff(drive.native["gnss"].time)) < 1 / FAST_GNSS
     return Noise(
-        accel=params.accel_noise,
+        accel=float(np.hypot(params.accel_noise, max(own.accel[0], own.accel[1]))),
         accel_gain=ACCEL_GAIN,
         yaw_slip=YAW_SLIP,
-        vertical=max(params.vertical_noise, params.vertical_vibration * rough),
+        vertical=float(
+            np.hypot(max(params.vertical_noise, params.vertical_vibration * rough), own.accel[2])
+        ),
         vertical_gain=VERTICAL_GAIN,
-        gyro=params.gyro_noise,
+        roll=float(np.hypot(params.gyro_noise, own.gyro[0])),
+        pitch=float(np.hypot(params.gyro_noise, own.gyro[1])),
         gyro_cross=params.gyro_cross * np.sqrt(TURN_TIME),
         gyro_bias=GYRO_BIAS,
-        accel_bias=ACCEL_BIAS,
+        accel_bias=max(
+            ACCEL_BIAS, WANDER * params.accel_bias_sd / np.sqrt(max(drive.time[-1], WARM_UP))
+        ),
         body=params.body_angle_sd,
         body_vibration=_body_per_vibration(inputs) * rough,
         body_gain=params.body_share,
@@ -107,7 +115,7 @@ def noise_of(inputs: Inputs) -> Noise:
         body_time=params.body_time,
         pitch_gradient=vehicle.pitch_gain,
         roll_gradient=roll_gradient(vehicle),
-        yaw=YAW,
+        yaw=float(np.hypot(params.gyro_noise, own.gyro[2])),
         yaw_gain=YAW_GAIN,
         altitude=ALTITUDE,
         altimeter=ALTIMETER if fast else CONSUMER_ALTIMETER,

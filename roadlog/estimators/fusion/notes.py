@@ -7,6 +7,7 @@ import numpy as np
 from roadlog.estimators.fusion.fit import Fit
 from roadlog.estimators.fusion.outputs import Output
 from roadlog.estimators.fusion.solution import Solution
+from roadlog.estimators.fusion.speed import LATEST
 from roadlog.estimators.fusion.states import CONSTANTS
 from roadlog.estimators.fusion.steps import Fix, has
 from roadlog.units import DEG
@@ -28,6 +29,9 @@ def notes(solution: Solution) -> list[str]:
     """A sentence each."""
     return [
         f"used: {', '.join(_used(solution.fit))}",
+        *solution.consistency.faults,
+        *solution.fit.doubts,
+        *_clocks(solution.fit),
         *_mounting(solution),
         *_found(solution),
         *_offsets(solution),
@@ -43,6 +47,18 @@ def _used(fit: Fit) -> list[str]:
         *(["stops"] if fit.steps.still.any() else []),
         *(["torques"] if fit.inputs.torque is not None else []),
     ]
+
+
+def _clocks(fit: Fit) -> list[str]:
+    """On a speed or a receiver that is late."""
+    source, said = fit.inputs.source, []
+    if source.lag:
+        said.append(f"{source.name} is {source.lag:+.2f} s late, and was moved")
+    if source.edge:
+        said.append(f"{source.name} lies {LATEST:g} s or more from the accelerations: not moved")
+    if fit.late_receiver and source.name != "gnss":
+        said.append(f"the receiver lies {LATEST:g} s or more from the car's speed: not moved")
+    return said
 
 
 def _mounting(solution: Solution) -> list[str]:

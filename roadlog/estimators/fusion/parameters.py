@@ -16,9 +16,11 @@ class FusionParameters:
         True, "", "look ahead; without, each sample is of the past alone, but for the noise levels"
     )
     accel_bias_sd: float = parameter(0.05, "m/s2", "prior, x and y; z twice that")
-    gyro_bias_sd: float = parameter(0.3 * DEG, "rad/s", "prior, per axis")
+    gyro_bias_sd: float = parameter(1.0 * DEG, "rad/s", "prior, per axis; phones have 0.9 deg/s")
     mounting_sd: float = parameter(
-        0.3 * DEG, "rad", "prior of the IMU against the body, where the vehicle file gives none"
+        1.5 * DEG,
+        "rad",
+        "prior of roll and pitch of an IMU whose mounting nobody states; yaw twice",
     )
     speed_scale_sd: float = parameter(0.01, "-", "prior")
     speed_delay_sd: float = parameter(0.1, "s", "prior; 0.03 where one logger stamps all")

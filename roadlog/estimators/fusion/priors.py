@@ -19,6 +19,7 @@ FORWARD_SD, SIDE_SD = 1.0, 0.3  # m/s, of the first velocity forward; sideways a
 TILT_SD = 3 * DEG  # of the first roll and pitch: dv/dt over two seconds is no better
 BODY_SD = 0.1 * DEG  # body angle that the gradients do not explain
 ACCEL_BIAS_AXES = (1.0, 1.0, 2.0)  # times `accel_bias_sd`: z is the worst axis of a MEMS sensor
+LOAD_SD = 0.3 * DEG  # of the body's pitch by who sits where: it was empty when it was measured
 SLIP_GRADIENT, SLIP_GRADIENT_SD = 0.008, 0.004  # rad/(m/s2), of passenger cars
 GIVEN_GAIN = 0.08  # share by which a suspension gradient of a vehicle file is wrong
 GNSS_DELAY_FACTOR = 3.0  # a receiver's speed may be later than a car's by so much
@@ -40,6 +41,7 @@ def priors(inputs: Inputs) -> tuple[Floats, Floats]:
     sd[GYRO_BIAS] = params.gyro_bias_sd
     sd[ACCEL_BIAS] = np.array(ACCEL_BIAS_AXES) * params.accel_bias_sd
     mean[MOUNTING], sd[MOUNTING] = inputs.mounting.mean, inputs.mounting.sd
+    sd[State.MOUNTING_PITCH] = np.hypot(sd[State.MOUNTING_PITCH], LOAD_SD)
     sd[State.SPEED_SCALE] = params.speed_scale_sd
     gradients = vehicle.pitch_gain, roll_gradient(vehicle)
     mean[[State.PITCH_GRADIENT, State.ROLL_GRADIENT]] = gradients

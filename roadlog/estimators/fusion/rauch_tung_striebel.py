@@ -14,9 +14,16 @@ from roadlog.estimators.fusion.recursion import (
     restart,
     soft_variance,
 )
-from roadlog.estimators.fusion.states import MOVING, ROWS, N
+from roadlog.estimators.fusion.states import MOVING, ROWS, W_THETA, N, State
 from roadlog.estimators.fusion.steps import Steps
 from roadlog.types import Floats
+
+
+def noise_matrix(q: Floats) -> Floats:
+    """Q (29, 29) from what `process_noise` writes."""
+    Q = np.diag(q[:N])
+    Q[State.W, State.THETA] = Q[State.THETA, State.W] = q[W_THETA]
+    return Q
 
 
 def rauch_tung_striebel(
@@ -32,7 +39,7 @@ def rauch_tung_striebel(
     innovations = np.full((n, ROWS), np.nan)
     filtered, priors, transitions = [], [], []
     for k in runs:
-        F, q = np.zeros((N, N)), np.zeros(N)
+        F, q = np.zeros((N, N)), np.zeros(N + 1)
         x = kf.x[:, 0].copy()
         if steps.start[k] >= 0:
             restart(x, kf.P, steps.starts[steps.start[k]], P0)
@@ -40,7 +47,7 @@ def rauch_tung_striebel(
             F[np.diag_indices(N)] = ~np.isin(np.arange(N), MOVING)
         else:
             y = prediction(k - 1, x, steps, noise, at, F, q)
-            kf.predict(u=(y - F @ x).reshape(N, 1), F=F, Q=np.diag(q))
+            kf.predict(u=(y - F @ x).reshape(N, 1), F=F, Q=noise_matrix(q))
         transitions.append(F)
         priors.append((kf.x[:, 0].copy(), kf.P.copy()))
         for kind in range(ROWS):

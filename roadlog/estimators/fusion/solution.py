@@ -9,14 +9,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roadlog.car.vehicle import Vehicle
 from roadlog.drive import runs
+from roadlog.errors import EstimatorError
 from roadlog.estimators.fusion.body import body_pitch, body_roll
+from roadlog.estimators.fusion.consistency import Consistency, tempered
 from roadlog.estimators.fusion.fit import Fit
+from roadlog.estimators.fusion.inputs import Inputs
 from roadlog.estimators.fusion.outputs import Output
 from roadlog.estimators.fusion.recursion import OWN_STATES
 from roadlog.estimators.fusion.smoother import Smoothed, smooth
-from roadlog.estimators.fusion.states import ACCEL_BIAS, CONSTANTS, GYRO_BIAS, MOUNTING, N, State
+from roadlog.estimators.fusion.states import (
+    ACCEL_BIAS,
+    CONSTANTS,
+    GYRO_BIAS,
+    MOUNTING,
+    N,
+    Row,
+    State,
+)
 from roadlog.estimators.fusion.steps import HEIGHTS, RATE, Steps, beginning, grid, has
 from roadlog.filters import Engine
 from roadlog.filters.lowpass import gaussian
@@ -24,6 +34,14 @@ from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
 ROAD_BAND = 1.5  # Hz, what changes faster is the body on its springs, not the road
+SHIFTED = {  # output -> column of the offset in it
+    Output.GRADE: 0,
+    Output.INCLINATION: 0,
+    Output.BANK: 1,
+    Output.ROLL_TOTAL: 1,
+}
+UNITS = "its states end as no number: check units, axes and clocks (`roadlog info`)"
+LOOSE_PITCH = np.radians(0.5)  # rad, of a mounting that nobody stated and the road row alone tells
 UNKNOWN_ARM = 0.03  # m/s2, of an accelerometer bias found in curves, the IMU's place unknown
 
 
@@ -35,6 +53,7 @@ class Solution:
     variance: name -> rad2 (n,). offset_sd, shape_sd (n, 2): rad, of the mean of grade and bank, and
     of what is left if that were known. constants: name -> value and name_sd, SI units, of the whole
     drive. innovations (n, 17): a column a `Row`, residual over its predicted sd, NaN without a row.
+    consistency: how well the drive fits one car.
     """
 
     fit: Fit
@@ -46,6 +65,7 @@ class Solution:
     shape_sd: Floats
     constants: dict[str, Floats]
     innovations: Floats
+    consistency: Consistency
 
 
 def solved(fit: Fit, engine: Engine) -> Solution:
@@ -54,18 +74,21 @@ def solved(fit: Fit, engine: Engine) -> Solution:
     if look_ahead:
         at = smooth(beginning(fit.steps), fit.noise, fit.P0, engine=engine).x
     smoothed = smooth(fit.steps, fit.noise, fit.P0, at, engine, look_ahead)
-    arm = _unknown_arm(fit.inputs.vehicle, fit.steps)
-    offset = np.maximum(smoothed.variance[:, :2] - smoothed.shape_variance, 0.0)
+    if not np.isfinite(smoothed.x_end).all():
+        raise EstimatorError("fusion cannot run: IMU and speed do not fit one car; " + UNITS)
+    consistency = Consistency.of(fit, smoothed.x_end)
+    offset = _offset_variance(fit, smoothed, consistency)
     return Solution(
         fit=fit,
         time=grid(fit.inputs.drive),
         angles=_angles(fit, smoothed),
         known=np.isfinite(smoothed.shape_variance[:, Output.GRADE]),
-        variance=_variances(fit, smoothed, arm),
-        offset_sd=np.sqrt(offset + arm),
-        shape_sd=np.sqrt(smoothed.shape_variance),
-        constants=_constants(fit, smoothed),
+        variance=_variances(fit, smoothed, offset, consistency),
+        offset_sd=np.sqrt(offset),
+        shape_sd=consistency.shape * np.sqrt(smoothed.shape_variance),
+        constants=_constants(fit, smoothed, consistency),
         innovations=smoothed.innovations,
+        consistency=consistency,
     )
 
 
@@ -105,24 +128,41 @@ def _load_share(fit: Fit) -> float:
     return load / (load + mounting)
 
 
-def _variances(fit: Fit, smoothed: Smoothed, arm: Floats) -> dict[str, Floats]:
-    """rad2, of every output at the smoother's steps. arm (2,): rad2, `_unknown_arm`."""
+def _offset_variance(fit: Fit, smoothed: Smoothed, consistency: Consistency) -> Floats:
+    """rad2 (n, 2), of the constants that shift all of grade and of bank."""
+    found = np.maximum(smoothed.variance[:, :2] - smoothed.shape_variance, 0.0)
+    P0 = np.diag(fit.P0)
+    before = P0[[State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y]] / G**2
+    before = before + P0[[State.MOUNTING_PITCH, State.MOUNTING_ROLL]]
+    factors = (
+        consistency.factor(Row.SPEED, Row.CONTACT),
+        consistency.factor(Row.SPEED, Row.SLIP),
+    )
+    columns = [tempered(found[:, i], before[i], factors[i]) for i in range(2)]
+    return np.stack(columns, axis=1) + _systematic(fit.inputs, fit.steps)
+
+
+def _variances(
+    fit: Fit, smoothed: Smoothed, offset: Floats, consistency: Consistency
+) -> dict[str, Floats]:
+    """rad2, of every output at the smoother's steps. offset (n, 2): of grade and of bank."""
     share, at = _load_share(fit), State.MOUNTING_PITCH
     static = share**2 * smoothed.P_end[at, at] + share * fit.P0[at, at]
-    added = {
-        Output.GRADE: arm[0],
-        Output.INCLINATION: static + arm[0],
-        Output.BANK: arm[1],
-        Output.ROLL_TOTAL: arm[1],
-        Output.PITCH: static,
-    }
-    return {
-        output.name.lower(): smoothed.variance[:, output] + added.get(output, 0.0)
-        for output in Output
-    }
+    result = {}
+    for output in Output:
+        whole = smoothed.variance[:, output]
+        if output in SHIFTED:  # all but the offset moves with the drive
+            column = SHIFTED[output]
+            known = np.maximum(smoothed.variance[:, column] - smoothed.shape_variance[:, column], 0)
+            whole = np.maximum(whole - known, 0.0) * consistency.shape**2 + offset[:, column]
+        else:
+            whole = whole * consistency.shape**2
+        is_body = output in (Output.INCLINATION, Output.PITCH)
+        result[output.name.lower()] = whole + (static if is_body else 0.0)
+    return result
 
 
-def _constants(fit: Fit, smoothed: Smoothed) -> dict[str, Floats]:
+def _constants(fit: Fit, smoothed: Smoothed, consistency: Consistency) -> dict[str, Floats]:
     """What was found of every constant, after the last step: it holds for the whole drive.
 
     Mounting and biases in the IMU's own axes, those of the log.
@@ -133,7 +173,9 @@ def _constants(fit: Fit, smoothed: Smoothed) -> dict[str, Floats]:
         turn[axes, axes] = mounting.rotation.T
         x[axes] = mounting.rotation.T @ x[axes]
     x[MOUNTING] = mounting.whole(x[MOUNTING])
-    sd = np.sqrt(np.diag(turn @ smoothed.P_end @ turn.T))
+    x[State.SPEED_DELAY] += fit.inputs.source.lag
+    before, after = (np.diag(turn @ P @ turn.T) for P in (fit.P0, smoothed.P_end))
+    sd = np.sqrt(tempered(after, before, consistency.factor(Row.SPEED, Row.SLIP, Row.CONTACT)))
     columns = {}
     for state in CONSTANTS:
         columns[state.name.lower()] = x[[state]]
@@ -141,11 +183,17 @@ def _constants(fit: Fit, smoothed: Smoothed) -> dict[str, Floats]:
     return columns
 
 
-def _unknown_arm(vehicle: Vehicle, steps: Steps) -> Floats:
-    """rad2, variance of grade and bank that curves leave where the IMU's place is not known.
+def _systematic(inputs: Inputs, steps: Steps) -> Floats:
+    """rad2 (2,), of grade and bank, that no row knows of.
 
-    Its own acceleration in a bend looks like a bias; climb or altitude keep it out of the grade.
+    Where the IMU's place is not known, its own acceleration in a bend looks like a bias; where its
+    mounting is not, what turns the body with the speed looks like a mounting. Climb or altitude
+    keep both out of the grade.
     """
-    if vehicle.imu_position is not None:
-        return np.zeros(2)
-    return (UNKNOWN_ARM / G) ** 2 * np.array([0.0 if has(steps, *HEIGHTS) else 1.0, 1.0])
+    has_heights = has(steps, *HEIGHTS)
+    result = np.zeros(2)
+    if inputs.vehicle.imu_position is None:
+        result += (UNKNOWN_ARM / G) ** 2 * np.array([not has_heights, True])
+    if not inputs.vehicle.states_mounting and not has_heights:
+        result[0] += min(LOOSE_PITCH, inputs.params.mounting_sd) ** 2
+    return result

@@ -5,18 +5,22 @@ Source: docs/methods/fusion.md#speed-source, docs/methods/fusion.md#receiver-del
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, Samples, nan_mean
 from roadlog.estimators.fusion.steps import RATE
+from roadlog.motion.evidence import Evidence
 from roadlog.types import Bools, Floats
 
 SPEED_GAP = 3.0  # s without speed, flagged
 STANDSTILL_GAP = 1.0  # s, speed is interpolated across for the standstill mask
-GNSS_DELAYS = np.arange(-29, 151) / 100  # s, tried for the receiver against the car's own speed
+EARLIEST, LATEST = -1.0, 4.0  # s, of the receiver behind the car's own speed
+COARSE, FINE = 0.1, 0.01  # s, steps in which that is looked for, one after the other
+CLEAR_LAG = 0.85  # correlation of speed and acceleration from which a lag counts
+LARGE_LAG = 0.1  # s; a smaller one is the filter's to find
 DELAY_CORRELATION = (
     5.0  # the sd of a delay grows by this: the residuals of speeds are no white noise
 )
@@ -27,13 +31,19 @@ DELAY_GATE = 3.0  # sd, a smaller delay is not applied
 
 @dataclass(frozen=True)
 class SpeedSource:
-    """The speed channel: name, samples, and how far left of the center line it is measured (m)."""
+    """The speed channel: name, samples, and how far left of the center line it is measured (m).
+
+    lag: s, by which its samples have been moved to be on time; `edge`: they lie LATEST or more
+    apart from the accelerations, and were not moved.
+    """
 
     name: str
     time: Floats
     value: Floats
     offset: float
     offset_sd: float
+    lag: float = 0.0
+    edge: bool = False
 
 
 def speed_source(drive: Drive, vehicle: Vehicle) -> SpeedSource:
@@ -57,6 +67,20 @@ def speed_source(drive: Drive, vehicle: Vehicle) -> SpeedSource:
     offset_sd = 0.05 if sides else 0.02  # m; of one wheel the track is not that well known
     time, value = known_samples(samples.time, nan_mean(np.stack(rows)))
     return SpeedSource(f"wheel_speeds ({', '.join(wheels)})", time, value, offset, offset_sd)
+
+
+def on_time(source: SpeedSource, drive: Drive) -> SpeedSource:
+    """The samples moved by their lag behind the accelerations, where that is large and clear."""
+    evidence = Evidence.of(drive)
+    value = np.interp(drive.time, source.time, source.value)
+    speed = Evidence.block(value, drive.rate)
+    late = evidence.band(evidence.slope(speed))
+    lag = evidence.lag(evidence.band(evidence["imu.accel_x"]), late, LATEST)
+    if lag is None or lag.r < CLEAR_LAG or abs(lag.lag) < LARGE_LAG:
+        return source
+    if abs(lag.lag) >= LATEST - 1 / evidence.rate:
+        return replace(source, edge=True)
+    return replace(source, time=source.time - lag.lag, lag=lag.lag)
 
 
 def _at_rear_axle(samples: Samples, wheel: str, drive: Drive, vehicle: Vehicle) -> Floats:
@@ -100,32 +124,47 @@ def known_samples(time: Floats, value: Floats) -> tuple[Floats, Floats]:
     return time[known], value[known]
 
 
-def gnss_delay(drive: Drive, source: SpeedSource) -> float:
-    """s, by which the receiver lags behind the car's own speed; 0 where that is not observable.
+def gnss_delay(drive: Drive, source: SpeedSource) -> tuple[float, bool]:
+    """s, by which the receiver lags behind the IMU, 0 where that is not observable; and whether it
+    lies beyond what is looked for.
 
     The delay that leaves the least squares of v_gnss(t) - (a + b v(t - delay)), with its standard
-    error from the curvature: a receiver at 1 Hz has no accelerations to compare.
+    error from the curvature: a receiver at 1 Hz has no accelerations to compare. Where the receiver
+    gives the speed, its `lag`.
     """
+    if source.name == "gnss":
+        return source.lag, source.edge
     gnss = drive.native.get("gnss", Samples(np.empty(0), {}))
-    if source.name == "gnss" or "speed" not in gnss.columns or len(source.time) < 2:
-        return 0.0
+    if "speed" not in gnss.columns or len(source.time) < 2:
+        return 0.0, False
     own, speed = known_samples(gnss.time, gnss.columns["speed"])
-    margin = max(abs(GNSS_DELAYS[0]), GNSS_DELAYS[-1])
-    inside = (own > source.time[0] + margin) & (own < source.time[-1] - margin)
+    inside = (own > source.time[0] + LATEST) & (own < source.time[-1] - LATEST)
     own, speed = own[inside], speed[inside]
     total = float(np.sum((speed - np.mean(speed)) ** 2)) if len(own) else 0.0
     if len(own) < 10 or total < len(own) * DELAY_SPREAD**2:
-        return 0.0  # at constant speed there is nothing to align
-    misfits = np.empty(len(GNSS_DELAYS))
-    for i, delay in enumerate(GNSS_DELAYS):
-        A = np.stack([np.ones(len(own)), np.interp(own - delay, source.time, source.value)], axis=1)
-        misfits[i] = np.sum((speed - A @ np.linalg.lstsq(A, speed, rcond=None)[0]) ** 2)
-    best = int(np.argmin(misfits))
-    if best in (0, len(misfits) - 1) or misfits[best] > (1 - DELAY_COHERENCE**2) * total:
-        return 0.0
-    step = GNSS_DELAYS[1] - GNSS_DELAYS[0]
+        return 0.0, False  # at constant speed there is nothing to align
+    tried = np.arange(EARLIEST, LATEST + COARSE / 2, COARSE)
+    best = int(np.argmin(_misfits(own, speed, source, tried)))
+    is_edge = best in (0, len(tried) - 1)
+    tried = tried[best] + np.arange(-COARSE, COARSE + FINE / 2, FINE)
+    misfits = _misfits(own, speed, source, tried)
+    best = int(np.clip(np.argmin(misfits), 1, len(tried) - 2))
+    if misfits[best] > (1 - DELAY_COHERENCE**2) * total:
+        return 0.0, False
+    if is_edge:
+        return 0.0, True
     left, low, right = misfits[best - 1 : best + 2]
-    curvature = (left - 2 * low + right) / step**2
-    delay = float(GNSS_DELAYS[best] + 0.5 * step * (left - right) / (left - 2 * low + right))
+    curvature = (left - 2 * low + right) / FINE**2
+    delay = float(tried[best] + 0.5 * FINE * (left - right) / (left - 2 * low + right))
     sd = DELAY_CORRELATION * np.sqrt(2 * low / len(own) / curvature)
-    return delay if abs(delay) > DELAY_GATE * sd else 0.0
+    return (delay if abs(delay) > DELAY_GATE * sd else 0.0), False
+
+
+def _misfits(own: Floats, speed: Floats, source: SpeedSource, delays: Floats) -> Floats:
+    """Sum of squares of the receiver's speed about a line through the car's, at each delay."""
+    result = np.empty(len(delays))
+    for i, delay in enumerate(delays):
+        shown = np.interp(own - delay, source.time, source.value)
+        A = np.stack([np.ones(len(own)), shown], axis=1)
+        result[i] = np.sum((speed - A @ np.linalg.lstsq(A, speed, rcond=None)[0]) ** 2)
+    return result

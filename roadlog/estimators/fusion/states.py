@@ -45,6 +45,7 @@ class State(IntEnum):
 
 
 N = len(State)
+W_THETA = N  # behind the diagonal of the process noise: its covariance of W and THETA
 GYRO_BIAS = slice(State.GYRO_BIAS_X, State.GYRO_BIAS_Z + 1)
 ACCEL_BIAS = slice(State.ACCEL_BIAS_X, State.ACCEL_BIAS_Z + 1)
 MOUNTING = slice(State.MOUNTING_ROLL, State.MOUNTING_YAW + 1)
