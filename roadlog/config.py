@@ -97,7 +97,9 @@ def _of_file(path: Path, commands: Commands) -> Iterator[Default]:
         if not having:
             known = {option for options in commands.values() for option in options}
             raise ConfigError(f"{path}: no command has an option '{key}'. {near(key, known)}")
-        for command in having:
+        several = isinstance(value, list)  # is for the commands that take several
+        taking = [c for c in having if commands[c][key].is_list] if several else having
+        for command in taking or having:
             yield _default(path, command, commands[command][key], value)
     for command, table in document.items():
         if not isinstance(table, dict):

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from roadlog.cli import console
+from roadlog.cli.levels import leveled
 from roadlog.errors import RoadlogError
 
 app = typer.Typer(
@@ -67,7 +68,7 @@ def _register() -> None:
     using = (ingest, info, calibrate, estimate, evaluate, view, plot, report, road, export)
     making = (simulate, scenarios, estimators, reproduce, profiles, config, demo, doctor)
     for command in (*using, *making):
-        app.command()(command)
+        app.command()(leveled(command))
     app.add_typer(profile, name="profile")
     app.add_typer(vehicle, name="vehicle")
 

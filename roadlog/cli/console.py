@@ -6,17 +6,23 @@ import json
 import logging
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Annotated, Any, Literal
 
 import typer
 
 LOSS = 3  # exit code: finished, but something was lost
 PIPE_WIDTH = 140  # columns of a table that is not on a terminal
+FOLDED = 12  # columns that a text is left at least
 
 Force = Annotated[bool, typer.Option("--force", help="Replace the output if it is there.")]
 
+NOTES = 3  # of one run that are said without -v
+
 debug = False
+quiet = False
+verbose = False
 
 
 def say(text: str) -> None:
@@ -32,6 +38,44 @@ def complain(text: str) -> None:
 def show_warning(message: Warning | str, *_: object, **__: object) -> None:
     """`warnings.showwarning` of the command line: one line, without where in the code it was."""
     complain(f"warning: {message}")
+
+
+def note(text: str) -> None:
+    """A line that is good to know; neither result nor fault. Not with -q."""
+    if not quiet:
+        complain(f"note: {text}")
+
+
+def notes(texts: Sequence[str]) -> None:
+    """The first NOTES of several, all with -v."""
+    shown = texts if verbose else texts[:NOTES]
+    for text in shown:
+        note(text)
+    if len(texts) > len(shown):
+        note(f"{plural(len(texts) - len(shown), 'more note')} with -v")
+
+
+def next_step(command: str) -> None:
+    """The command that usually follows, for people at a terminal. Not with -q."""
+    if not quiet and sys.stderr.isatty():
+        complain(f"next: {command}")
+
+
+def plural(count: int, name: str) -> str:
+    """`1 estimate`, `2 estimates`."""
+    return f"{count} {name}" if count == 1 else f"{count} {name}s"
+
+
+@contextmanager
+def working(step: str) -> Iterator[None]:
+    """Say on a terminal what is being done, while it is."""
+    if quiet or not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+
+    with Console(stderr=True, highlight=False).status(_plain(step)):
+        yield
 
 
 class Said(logging.Handler):
@@ -66,21 +110,53 @@ def print_table(
     left: int = 1,
     remark: bool = False,
 ) -> None:
-    """A table; the first `left` columns are text, the rest figures, the last a remark if so."""
+    """A table; the first `left` columns are text, the rest figures, the last a remark if so.
+
+    Texts fold, figures never do: a terminal too narrow for them gets a block for each row.
+    """
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
+    cells = [[_plain(cell) for cell in row] for row in rows]
+    console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
+    if _least_width(columns, cells, left, remark) > console.width:
+        say("\n".join([title] * bool(title) + _blocks(columns, cells)))
+        return
     table = Table(title=Text(title) if title else None, title_justify="left", box=None)
     table.pad_edge = False
     for k, column in enumerate(columns):
-        is_text = k < left or (remark and k == len(columns) - 1)
-        side: Literal["left", "right"] = "left" if is_text else "right"
-        table.add_column(column, justify=side, no_wrap=k == 0, overflow="fold")  # nothing is cut
-    for row in rows:
-        table.add_row(*(Text(_plain(cell)) for cell in row))
-    terminal = sys.stdout.isatty()
-    Console(width=None if terminal else PIPE_WIDTH, highlight=False).print(table)
+        text = _is_text(k, columns, left, remark)
+        side: Literal["left", "right"] = "left" if text else "right"
+        table.add_column(column, justify=side, no_wrap=not text, overflow="fold")
+    for row in cells:
+        table.add_row(*map(Text, row))
+    console.print(table)
+
+
+def _is_text(k: int, columns: Sequence[str], left: int, remark: bool) -> bool:
+    return k < left or (remark and k == len(columns) - 1)
+
+
+def _least_width(
+    columns: Sequence[str], cells: Sequence[Sequence[str]], left: int, remark: bool
+) -> int:
+    """Columns of a terminal below which a figure or a heading would be cut."""
+    total = 0
+    for k, column in enumerate(columns):
+        longest = max([len(column), *(len(row[k]) for row in cells)])
+        total += 2 + (min(longest, FOLDED) if _is_text(k, columns, left, remark) else longest)
+    return total
+
+
+def _blocks(columns: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]:
+    """Each row as lines of its own: its first cell, then `heading: value`."""
+    lines = []
+    for row in cells:
+        lines.append(row[0])
+        pairs = zip(columns[1:], row[1:], strict=True)
+        lines += [f"  {column}: {cell}" for column, cell in pairs if cell]
+    return lines
 
 
 def figure(value: float | None, digits: int = 3) -> str:

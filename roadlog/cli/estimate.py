@@ -44,7 +44,7 @@ class Target:
                 f"--in-place-anyway too, or leave --in-place out for a copy beside it"
             )
         out = log.path.with_name(f"{log.path.stem}.roadlog.mcap")
-        console.complain(f"note: {log.path}: a third-party log: results go into {out}")
+        console.note(f"{log.path}: a third-party log: results go into {out}")
         if not out.exists():
             return log, replace(self, out=out)
         earlier = DriveLog(out, log.given)
@@ -177,7 +177,8 @@ def _estimate_log(
     def estimates() -> Iterator[Estimate]:
         for name in chosen:
             try:
-                made = estimators.run(name, drive, vehicle, by_name.get(name), engine, faults)
+                with console.working(f"{name} ({chosen.index(name) + 1} of {len(chosen)})"):
+                    made = estimators.run(name, drive, vehicle, by_name.get(name), engine, faults)
             except EstimatorError as error:  # one that refuses is not the end of the others
                 refused[name] = str(error).removeprefix(f"{name} cannot run: ")
                 continue
@@ -266,11 +267,11 @@ def _print(report: dict[str, Any]) -> None:
     )
     for fault in report["checks"]:
         console.complain(f"warning: {fault}")
-    notes: dict[str, list[str]] = {}
+    said: dict[str, list[str]] = {}
     for name, entry in report["estimates"].items():
         for note in entry["notes"]:
-            notes.setdefault(note, []).append(name)
-    for note, names in notes.items():
-        console.complain(f"note: {', '.join(names)}: {note}")
-    for name, reason in report["cannot_run"].items():
-        console.complain(f"note: {name} cannot run: {reason}")
+            said.setdefault(note, []).append(name)
+    notes = [f"{', '.join(names)}: {note}" for note, names in said.items()]
+    notes += [f"{name} cannot run: {reason}" for name, reason in report["cannot_run"].items()]
+    console.notes(notes)
+    console.next_step(f"roadlog evaluate {report['log']}, or roadlog view {report['log']}")

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 Metrics = Mapping[str, Mapping[str, "AngleMetrics"]]
 
+MATCHED = 0.99  # of the truth, below which an estimator's share is said
+
 
 def evaluate(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs with estimates.")],
@@ -90,12 +92,17 @@ def _print(log: str, values: Metrics, remove_offset: bool) -> None:
     ]
     ending = ", mean error removed" if remove_offset else ""
     console.print_table(columns, rows, f"{log}: errors in degrees{ending}", left=2)
-    samples = max((m.n for angles in values.values() for m in angles.values()), default=0)
-    matched = min(
-        (m.matched_share or 0.0 for angles in values.values() for m in angles.values()),
-        default=0.0,
-    )
-    console.complain(f"compared at up to {samples} truth samples; at least {matched:.0%} matched")
+    shares = {
+        name: min(m.matched_share or 0.0 for m in angles.values())
+        for name, angles in values.items()
+        if angles
+    }
+    for name, share in shares.items():
+        if share < MATCHED:
+            console.note(
+                f"{name}: compared at {share:.0%} of the truth's samples; near the others it has "
+                "no valid estimate"
+            )
 
 
 def _at_stops(name: str, m: StopMetrics) -> str:

@@ -46,7 +46,7 @@ def plot(
         opened = [DriveLog(path, profile) for path in logs]
         shown = drive_view(opened, names or ())
         for note in shown.notes:
-            console.complain(f"note: {note}")
+            console.note(f"{note}")
         write_figure(shown, out)
     drawn = {name for labels in shown.shown.values() for name in labels}
     console.say(f"{out}: {', '.join(name for name in shown.estimators if name in drawn)}")

@@ -62,7 +62,7 @@ def view(
         opened = [DriveLog(path, profile) for path in logs]
         shown = drive_view(opened, names or (), rate)
         for note in shown.notes:
-            console.complain(f"note: {note}")
+            console.note(f"{note}")
         _show(shown, save, web, png, connect, folder, force)
     console.warn_losses([f"{log.path}: {loss}" for log in opened for loss in log.losses])
 

@@ -15,6 +15,7 @@ from roadlog.drive import Drive
 from roadlog.errors import ConfigError, EstimatorError, near
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import Engine, Estimator, default_notes
+from roadlog.filters.compiling import compiling
 
 if TYPE_CHECKING:
     from roadlog.checks.finding import Finding
@@ -106,14 +107,15 @@ def run(
     said = [f"applied from the vehicle file: {', '.join(changes)}"] if changes else []
     drive = corrected(drive, vehicle)
     started = time.perf_counter()
-    estimate = estimator.with_systematic(estimator.run(drive, vehicle, params, engine)).bounded()
-    estimate = estimator.doubted(estimate, drive, faults)
+    with compiling(estimator.name) as compiled:
+        made = estimator.run(drive, vehicle, params, engine)
+    estimate = estimator.doubted(estimator.with_systematic(made).bounded(), drive, faults)
     return dataclasses.replace(
         estimate,
         name=estimator.name,
         parameters=dataclasses.asdict(params),
         notes=[*said, *default_notes(estimator, vehicle), *estimate.notes],
-        run_time=time.perf_counter() - started,
+        run_time=time.perf_counter() - started - compiled.seconds,
         start_ns=drive.start_ns,
         engine=engine,
         inputs=tuple(sorted(drive.signals)),

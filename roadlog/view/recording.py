@@ -30,7 +30,7 @@ def write_recording(view: DriveView, path: Path) -> None:
     """Write a .rrd with the drive and its layout, whole or not at all. Raises LogWriteError."""
     with rr.RecordingStream(APPLICATION, recording_id=view.name) as sink:
         stream = sink.binary_stream()
-        sink.send_blueprint(layout(view), make_active=False, make_default=True)
+        sink.send_blueprint(layout(view), make_active=True, make_default=True)
         log_view(sink, view)
         content = stream.read(flush=True)
     write(path, content or b"")
