@@ -13,7 +13,7 @@ from support.turned_imu import IMU_DELAY, away, turned
 from roadlog import estimators
 from roadlog.calibrate import calibrate
 from roadlog.calibrate.finding import Finding, combined, jackknife, unknown
-from roadlog.calibrate.mounting import filled, vector_of
+from roadlog.calibrate.mounting import filled
 from roadlog.car.suspension import ROLL_MODE
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
@@ -23,6 +23,7 @@ from roadlog.ingest import ingest
 from roadlog.ingest.profile import Profile
 from roadlog.log import DriveLog, create
 from roadlog.metrics import angle_errors, angle_metrics
+from roadlog.rotation import to_vector
 from roadlog.simulate import simulate
 from roadlog.storage import Table
 from roadlog.units import STANDARD_GRAVITY as G
@@ -165,7 +166,7 @@ def test_what_was_applied_before_is_found_anew() -> None:
     drive = Drive.from_tables(hills(rotation, late=0.1))
     first = calibrate({"hills": drive}, Vehicle())
     second = calibrate({"hills": drive}, first.vehicle)
-    assert np.degrees(np.linalg.norm(vector_of(first.rotation @ second.rotation.T))) < 0.05
+    assert np.degrees(np.linalg.norm(to_vector(first.rotation @ second.rotation.T))) < 0.05
     assert second.vehicle.speed_delay == pytest.approx(first.vehicle.speed_delay, abs=0.003)
 
 
@@ -302,7 +303,7 @@ def test_comma2k19_mounting(shared: Path, without: tuple[str, ...]) -> None:
     result = ingest([shared / "comma2k19"], comma_as_recorded())
     drive = Drive.from_tables(t for t in result.tables if t.topic not in without)
     found = calibrate({"comma": drive}, Vehicle())
-    error = vector_of(found.rotation @ documented.T)
+    error = to_vector(found.rotation @ documented.T)
     for k, name in enumerate(TURNS):
         assert abs(error[k]) < 3 * (found.findings[name].sd or 0.0), name
     truth = next(t for t in result.tables if t.topic == "/truth/angles")

@@ -11,13 +11,13 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from roadlog.calibrate import mounting
 from roadlog.calibrate.drive import TURNS, DriveCalibration, calibrate_drive
 from roadlog.calibrate.finding import Finding, combined
 from roadlog.car.suspension import DASHBOARD_HEIGHT
 from roadlog.car.vehicle import DEFAULT, Source, Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
+from roadlog.rotation import from_vector, to_rpy, to_vector
 from roadlog.signals import AXES
 from roadlog.types import Floats
 
@@ -92,7 +92,7 @@ def _without_sensors(vehicle: Vehicle) -> Vehicle:
 def _combined_rotation(results: list[DriveCalibration]) -> tuple[Floats, dict[str, Finding]]:
     """Mean rotation, axis by axis about the car, and the turns' findings with values of it."""
     first = results[0].rotation
-    away = [mounting.vector_of(r.rotation @ first.T) for r in results]
+    away = [to_vector(r.rotation @ first.T) for r in results]
     turns = {}
     turn = np.zeros(3)
     for k, name in enumerate(TURNS):
@@ -101,8 +101,8 @@ def _combined_rotation(results: list[DriveCalibration]) -> tuple[Floats, dict[st
         ]
         turns[name] = combined(shifted)
         turn[k] = turns[name].value or 0.0
-    rotation = mounting.rotation_of(turn) @ first
-    angles = mounting.roll_pitch_yaw(rotation)
+    rotation = from_vector(turn) @ first
+    angles = to_rpy(rotation)
     return rotation, {
         name: replace(f, value=float(angle))
         for (name, f), angle in zip(turns.items(), angles, strict=True)

@@ -23,6 +23,7 @@ from roadlog.estimators.fusion.mounting import CROSSFALL, UNKNOWN_MOUNTING
 from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.priors import ACCEL_BIAS_AXES, SLIP_GRADIENT_SD
 from roadlog.estimators.fusion.solution import UNKNOWN_ARM
+from roadlog.rotation import from_vector
 from roadlog.signals import AXES
 from roadlog.types import Floats
 from roadlog.units import DEG
@@ -110,7 +111,7 @@ def calibrate_drive(drive: Drive, vehicle: Vehicle) -> DriveCalibration:
                 constants["mounting_yaw"],
             ]
         )
-        rotation = mounting.rotation_of(turn) @ rotation
+        rotation = from_vector(turn) @ rotation
         ref = speeds.reference(seen, estimate, constants, filled(seen.speed))
         fits = _fits(seen, ref, car)
         moved = _moved(fits)

@@ -204,24 +204,3 @@ def _blocks(mask: Bools, rate: float) -> np.ndarray:
 
 def _unit(vector: Floats) -> Floats:
     return vector / np.linalg.norm(vector)
-
-
-def rotation_of(vector: Floats) -> Floats:
-    """(3, 3) Exp of a rotation vector, rad."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_rotvec(vector).as_matrix()
-
-
-def vector_of(rotation: Floats) -> Floats:
-    """Rotation vector, rad, of a (3, 3) rotation."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(rotation).as_rotvec()
-
-
-def roll_pitch_yaw(rotation: Floats) -> Floats:
-    """rad, the `rpy_deg` of a profile's mount that gives this rotation."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(rotation).as_euler("ZYX")[::-1]

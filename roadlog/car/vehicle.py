@@ -252,7 +252,6 @@ _VECTORS = {
 }
 _SIGNED = ("speed_delay", "gnss_delay")
 _MAY_BE_ZERO = ("drag_area", "rolling_resistance", "pitch_gradient", "roll_gradient")
-_ORTHOGONAL = 1e-3  # largest deviation of M M' from the identity that a mounting may have
 
 
 def _source(kind: Kind, sd: Any, where: str) -> Source:
@@ -296,14 +295,14 @@ def _rotation(value: Any, where: str) -> tuple[Axis, Axis, Axis]:
     """Three rows of a rotation. Raises ConfigError."""
     import numpy as np
 
+    from roadlog.rotation import is_rotation
+
     rows = value if isinstance(value, list) and len(value) == 3 else []
     if not rows or not all(
         isinstance(row, list) and len(row) == 3 and all(map(toml.is_number, row)) for row in rows
     ):
         raise ConfigError(f"{where} = {value!r}: must be three rows of three numbers")
-    matrix = np.array(rows, np.float64)
-    deviation = np.abs(matrix @ matrix.T - np.eye(3)).max()
-    if deviation > _ORTHOGONAL or np.linalg.det(matrix) < 0:
+    if not is_rotation(np.array(rows, np.float64)):
         raise ConfigError(f"{where}: is no rotation of right-handed axes")
     return tuple(tuple(float(v) for v in row) for row in rows)  # type: ignore[return-value]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from typing import Any
 
@@ -10,10 +9,9 @@ import numpy as np
 
 from roadlog import toml
 from roadlog.errors import ConfigError
+from roadlog.rotation import from_rpy, is_rotation
 from roadlog.signals import AXES
 from roadlog.types import Floats
-
-ORTHOGONAL = 1e-3  # how far a mount matrix may be from a rotation: three printed digits
 
 
 def rotation(mount: Any, where: str) -> Floats:
@@ -37,7 +35,7 @@ def rotation(mount: Any, where: str) -> Floats:
         angles = mount["rpy_deg"]
         if not (isinstance(angles, list) and len(angles) == 3 and all(map(toml.is_number, angles))):
             raise ConfigError(f"{where}: mount rpy_deg must be [roll, pitch, yaw]")
-        matrix = _from_rpy(*np.radians(angles))
+        matrix = from_rpy(*np.radians(angles))
     elif keys <= {"forward", "left", "up"} and len(keys) >= 2:
         rows = {way: _axis(axis, f"{where}: mount {way}") for way, axis in mount.items()}
         if "forward" not in rows:
@@ -51,7 +49,7 @@ def rotation(mount: Any, where: str) -> Floats:
             f"{where}: mount needs two of forward, left, up; or matrix; or rpy_deg "
             f"(found: {', '.join(sorted(keys)) or 'nothing'})"
         )
-    if np.abs(matrix @ matrix.T - np.eye(3)).max() > ORTHOGONAL or np.linalg.det(matrix) < 0:
+    if not is_rotation(matrix):
         raise ConfigError(f"{where}: mount is no rotation of right-handed axes")
     return matrix
 
@@ -63,15 +61,3 @@ def _axis(text: Any, where: str) -> Floats:
     row = np.zeros(3)
     row[AXES.index(match[2].lower())] = -1.0 if match[1] == "-" else 1.0
     return row
-
-
-def _from_rpy(roll: float, pitch: float, yaw: float) -> Floats:
-    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
-    cy, sy = math.cos(yaw), math.sin(yaw)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numba import njit
 
+from roadlog.rotation import from_rpy
 from roadlog.signals import WHEELS
 from roadlog.simulate import car as c
 from roadlog.simulate.car import CarParameters, derivative
@@ -188,7 +189,7 @@ def _motion(
     """Truth from the history; docs/methods/common.md#symbols-and-signs."""
     state, extra = history[:, :EXTRA], history[:, EXTRA:RATIO]
     roll, nose, yaw = state[:, c.EULER : c.EULER + 3].T
-    attitude = rotation(roll, nose, yaw)
+    attitude = from_rpy(roll, nose, yaw)
     normal = extra[:, c.NORMAL : c.NORMAL + 3]
     x_b, y_b = attitude[:, :, 0], attitude[:, :, 1]
     along = x_b - np.sum(x_b * normal, axis=1)[:, None] * normal
@@ -279,17 +280,3 @@ def _details(
         "sideslip": ("Sideslip", sideslip),
         "motion": ("CarMotion", motion),
     }
-
-
-def rotation(roll: Floats, nose: Floats, yaw: Floats) -> Floats:
-    """(n, 3, 3) from vehicle axes to east north up: R_z(yaw) R_y(nose) R_x(roll)."""
-    cr, sr, cn, sn = np.cos(roll), np.sin(roll), np.cos(nose), np.sin(nose)
-    cy, sy = np.cos(yaw), np.sin(yaw)
-    return np.stack(
-        [
-            np.stack([cy * cn, cy * sn * sr - sy * cr, cy * sn * cr + sy * sr], axis=1),
-            np.stack([sy * cn, sy * sn * sr + cy * cr, sy * sn * cr - cy * sr], axis=1),
-            np.stack([-sn, cn * sr, cn * cr], axis=1),
-        ],
-        axis=1,
-    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from roadlog.calibrate import Calibration
-from roadlog.calibrate.mounting import vector_of
+from roadlog.rotation import to_vector
 from roadlog.storage import Table
 
 IMU_DELAY = 0.0075  # s, of the simulated IMU's own low-pass (2nd order, 30 Hz)
@@ -27,4 +27,4 @@ def turned(tables: list[Table], rotation: np.ndarray) -> list[Table]:
 
 def away(found: Calibration, rotation: np.ndarray) -> np.ndarray:
     """rad about forward, left and up, by which the found mounting is wrong."""
-    return vector_of(found.rotation @ rotation)
+    return to_vector(found.rotation @ rotation)

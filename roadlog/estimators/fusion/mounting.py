@@ -13,6 +13,7 @@ from roadlog.car.vehicle import STATED_MOUNTING, Vehicle
 from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.states import MOUNTING, State
 from roadlog.estimators.fusion.steps import HEIGHTS, Fix, Steps, has, last
+from roadlog.rotation import from_vector, to_vector
 from roadlog.types import Bools, Floats
 from roadlog.units import DEG
 
@@ -21,6 +22,7 @@ CALIBRATED_MOUNTING = 0.1 * DEG  # a mounting that the vehicle file gives is no 
 UNKNOWN_MOUNTING = 3.0 * DEG  # of an IMU that lies somewhere in the car
 CROSSFALL = 1.5 * DEG  # sd of a drive's mean bank: what levels an IMU that lies askew
 CONFLICT = 2.0  # sd; a mounting found further from its prior was not mounted as that says
+PITCH_UP = np.array([1.0, -1.0, 1.0])  # a rotation vector is nose-down
 SMALL_MOUNTING = 1.0 * DEG  # beyond this the IMU is turned and smoothed again
 
 
@@ -57,10 +59,12 @@ class Mounting:
 
     def whole(self, left: Floats) -> Floats:
         """rad, roll, pitch and yaw of the IMU, from those left (3,)."""
-        from scipy.spatial.transform import Rotation
+        return PITCH_UP * to_vector(_rotation(left) @ self.rotation)
 
-        turn = Rotation.from_matrix(_rotation(left) @ self.rotation).as_rotvec()
-        return turn * [1.0, -1.0, 1.0]
+
+def _rotation(angles: Floats) -> Floats:
+    """(3, 3), of roll and yaw right-handed, pitch nose-up; rad."""
+    return from_vector(PITCH_UP * angles)
 
 
 def mounting_prior(vehicle: Vehicle, params: FusionParameters) -> Mounting:
@@ -74,13 +78,6 @@ def mounting_prior(vehicle: Vehicle, params: FusionParameters) -> Mounting:
     else:
         sd = params.mounting_sd * np.array([1.0, 1.0, YAW_LOOSER])
     return Mounting(np.eye(3), np.zeros(3), sd)
-
-
-def _rotation(angles: Floats) -> Floats:
-    """(3, 3), of roll and yaw right-handed, pitch nose-up; rad."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_rotvec(angles * [1.0, -1.0, 1.0]).as_matrix()
 
 
 def straightened(steps: Steps, mounting: Mounting, x: Floats) -> Mounting | None:

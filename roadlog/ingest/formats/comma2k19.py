@@ -14,6 +14,7 @@ from roadlog.errors import LogReadError
 from roadlog.ingest.formats.base import Format
 from roadlog.ingest.frame import Frame, Recording
 from roadlog.ingest.profile import Profile
+from roadlog.rotation import from_quaternions
 from roadlog.types import Floats, Stamps
 
 GPS_EPOCH = 315_964_800  # s, 1980-01-06 in Unix time
@@ -89,7 +90,7 @@ def angles_of_pose(pose: Path) -> dict[str, Floats]:
     """
     position = _load(pose / "frame_positions")
     velocity = _load(pose / "frame_velocities")
-    device = _rotations(_load(pose / "frame_orientations"))  # device FRD -> ECEF
+    device = from_quaternions(_load(pose / "frame_orientations"))  # device FRD -> ECEF
     up = position * [POLAR_FLATTENING, POLAR_FLATTENING, 1.0]  # normal of the ellipsoid
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     speed = np.linalg.norm(velocity, axis=1)
@@ -109,19 +110,6 @@ def angles_of_pose(pose: Path) -> dict[str, Floats]:
         columns["inclination"] = np.arcsin(np.clip(ahead, -1.0, 1.0))
         columns["roll_total"] = np.arctan2(aside, above)
     return columns
-
-
-def _rotations(quaternions: Floats) -> Floats:
-    """Rotation matrices of (w, x, y, z) rows."""
-    w, x, y, z = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
-    return np.stack(
-        [
-            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
-            np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1),
-            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1),
-        ],
-        axis=1,
-    )
 
 
 FORMAT = Format(
