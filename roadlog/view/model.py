@@ -125,38 +125,17 @@ def drive_view(
         raise ConfigError("no log to show")
     drives = [run for k, run in enumerate(runs) if not any(run.same_drive(r) for r in runs[:k])]
     labels = ordered([label for run in runs for label in run.estimates])
-    truth: dict[str, dict[str, Curve]] = {}
-    for run in drives:
-        if run.truth is None:
-            continue
-        for angle in run.truth.angles:
-            label = "truth" if run is drives[0] else run.labeled("truth")
-            truth.setdefault(angle, {})[label] = _angle_curve(run, run.truth, angle)
-    estimates: dict[str, dict[str, Curve]] = {}
-    found: dict[str, dict[str, AngleErrors]] = {}
-    errors: dict[str, dict[str, Curve]] = {}
-    for label in labels:
-        run = next(run for run in runs if label in run.estimates)
-        estimate = run.estimates[label]
-        for angle in estimate.angles:
-            estimates.setdefault(angle, {})[label] = _angle_curve(run, estimate, angle)
-            error = None
-            if run.truth is not None:
-                error = angle_errors(estimate, run.truth, angle, skip=0.0)
-            if error is not None:
-                found.setdefault(angle, {})[label] = error
-                errors.setdefault(angle, {})[label] = _error_curve(run, error)
+    truth = _truth_curves(drives)
+    of = {label: next(run for run in runs if label in run.estimates) for label in labels}
+    estimates = _estimate_curves(of)
+    found = _errors(of)
+    errors = {
+        angle: {label: _error_curve(of[label], error) for label, error in by_label.items()}
+        for angle, by_label in found.items()
+    }
     shown = {
         angle: tuple(curves) if estimators else _first(curves)
         for angle, curves in estimates.items()
-    }
-    ranges = {
-        angle: _range(
-            [*truth.get(angle, {}).values()],
-            [estimates[angle][label] for label in shown.get(angle, ())],
-        )
-        for angle in ANGLES
-        if angle in estimates or angle in truth
     }
     error_ranges = {
         angle: _symmetric([curves[label] for label in shown[angle] if label in curves])
@@ -177,7 +156,7 @@ def drive_view(
             for angle, by_label in _by_angle(found).items()
         },
         _inputs(drives),
-        ranges,
+        _ranges(truth, estimates, shown),
         error_ranges,
         {name: lane for run in drives for name, lane in drive_lanes(run).items()},
         {run.name: track for run in drives if (track := drive_track(run)) is not None},
@@ -186,6 +165,56 @@ def drive_view(
         summary_texts(runs, found),
         tuple(_notes(runs)),
     )
+
+
+def _truth_curves(drives: Sequence[Run]) -> dict[str, dict[str, Curve]]:
+    truth: dict[str, dict[str, Curve]] = {}
+    for run in drives:
+        if run.truth is None:
+            continue
+        label = "truth" if run is drives[0] else run.labeled("truth")
+        for angle in run.truth.angles:
+            truth.setdefault(angle, {})[label] = _angle_curve(run, run.truth, angle)
+    return truth
+
+
+def _estimate_curves(of: Mapping[str, Run]) -> dict[str, dict[str, Curve]]:
+    """of: label -> the run that has its estimate."""
+    curves: dict[str, dict[str, Curve]] = {}
+    for label, run in of.items():
+        estimate = run.estimates[label]
+        for angle in estimate.angles:
+            curves.setdefault(angle, {})[label] = _angle_curve(run, estimate, angle)
+    return curves
+
+
+def _errors(of: Mapping[str, Run]) -> dict[str, dict[str, AngleErrors]]:
+    """Against the truth of the same log, where it has one."""
+    found: dict[str, dict[str, AngleErrors]] = {}
+    for label, run in of.items():
+        if run.truth is None:
+            continue
+        estimate = run.estimates[label]
+        for angle in estimate.angles:
+            error = angle_errors(estimate, run.truth, angle, skip=0.0)
+            if error is not None:
+                found.setdefault(angle, {})[label] = error
+    return found
+
+
+def _ranges(
+    truth: Mapping[str, Mapping[str, Curve]],
+    estimates: Mapping[str, Mapping[str, Curve]],
+    shown: Mapping[str, Sequence[str]],
+) -> dict[str, tuple[float, float]]:
+    return {
+        angle: _range(
+            [*truth.get(angle, {}).values()],
+            [estimates[angle][label] for label in shown.get(angle, ())],
+        )
+        for angle in ANGLES
+        if angle in estimates or angle in truth
+    }
 
 
 def _first(curves: Mapping[str, Curve]) -> tuple[str, ...]:
