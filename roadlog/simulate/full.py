@@ -10,7 +10,7 @@ from numba import njit
 from roadlog.rotation import from_rpy
 from roadlog.signals import WHEELS
 from roadlog.simulate import car as c
-from roadlog.simulate.car import CarParameters, derivative
+from roadlog.simulate.car import CarParameters
 from roadlog.simulate.driver import (
     GEAR,
     MEMORY,
@@ -21,6 +21,7 @@ from roadlog.simulate.driver import (
     decide,
     steer_along,
 )
+from roadlog.simulate.dynamics import derivative
 from roadlog.simulate.load import cg_shift, loaded_car, static_pitch
 from roadlog.simulate.motion import Motion
 from roadlog.simulate.profiles import sampled
@@ -34,8 +35,7 @@ DT = 0.002  # s, of integration and of the motion; docs/simulator.md#integration
 ROOM = 100.0  # m of road beyond the reference drive's end
 
 # The columns of the history that `integrate` returns.
-STATE = 0  # the state up to and with STUCK
-EXTRA = c.STATES
+EXTRA = c.STATES  # after the state
 RATIO = EXTRA + c.EXTRAS
 COLUMNS = RATIO + 1
 
