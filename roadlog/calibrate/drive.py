@@ -93,8 +93,59 @@ def calibrate_drive(drive: Drive, vehicle: Vehicle) -> DriveCalibration:
         raise EstimatorError(f"cannot calibrate: the drive has {reason}")
     start = mounting.coarse(drive)
     mounting.refuse_mirrored(drive, start.rotation[2])
-    source = drive.sources_of_speed()[0]
-    late = {"gnss" if source == "gnss" else "car": float(np.nan_to_num(start.delay))}
+    last = _settled(drive, vehicle, start)
+    car, constants, fits = last.car, last.constants, last.fits
+    findings = _of_smoother(last, drive, start)
+    findings += _of_speeds(last, start)
+    findings += last.place
+    findings += [
+        gains.pitch_gradient(last.drive, last.estimate),
+        gains.roll_gradient(last.drive, last.estimate, car),
+    ]
+    bias, bias_sd = constants["accel_bias_x"], constants["accel_bias_x_sd"]
+    findings += mass.mass_and_rolling(last.drive, last.estimate, car, bias, bias_sd)
+    by_name = {f.name: f for f in findings}
+    heavy = by_name["mass"]
+    if heavy.identifiable and heavy.value is not None:
+        car = car.with_values("calibrated", mass=heavy.value)
+    for finding in tires.stiffnesses(last.drive, by_name["slip_gradient"], car):
+        by_name[finding.name] = finding
+    return DriveCalibration(last.rotation, by_name, _driven(fits))
+
+
+@dataclass(frozen=True)
+class _Pass:
+    """One run of the smoother and what the speeds show of it.
+
+    rotation (3, 3): as `DriveCalibration`'s. turn (3,): rad, by which this pass moved it. late: s,
+    clock -> delay, moved: by how much in this pass. car: with all that, drive: corrected by the car
+    as it went in. prior: rad, sd of the mounting before the data.
+    """
+
+    rotation: Floats
+    turn: Floats
+    late: dict[str, float]
+    moved: dict[str, float]
+    car: Vehicle
+    drive: Drive
+    prior: float
+    estimate: Estimate
+    constants: dict[str, float]
+    ref: speeds.Reference
+    fits: dict[str, speeds.Fit]
+    place: list[Finding]
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether a further run would change nothing that matters."""
+        moved = max(map(abs, self.moved.values()), default=0.0)
+        return bool(np.abs(self.turn).max() < SETTLED and moved < SETTLED_DELAY)
+
+
+def _settled(drive: Drive, vehicle: Vehicle, start: mounting.Coarse) -> _Pass:
+    """The smoother again and again until mounting and delays stay; at most MAX_RUNS times."""
+    clock = "gnss" if drive.sources_of_speed()[0] == "gnss" else "car"
+    late = {clock: float(np.nan_to_num(start.delay))}
     rotation, car, delay_sd = start.rotation, vehicle, FUSION.speed_delay_sd
     prior = max(UNKNOWN_MOUNTING, min(start.yaw_sd, mounting.YAW_SD))
     for _ in range(MAX_RUNS):
@@ -103,50 +154,43 @@ def calibrate_drive(drive: Drive, vehicle: Vehicle) -> DriveCalibration:
         estimate = _smoothed(seen, car, prior, delay_sd)
         constants = {k: float(v[0]) for k, v in estimate.details["constants"].columns.items()}
         _relieve(constants)
-        rolls = "gnss.roll" in seen and constants["mounting_roll_sd"] < TOLD * prior
-        turn = np.array(
-            [
-                constants["mounting_roll"] if rolls else 0.0,
-                -constants["mounting_pitch"],
-                constants["mounting_yaw"],
-            ]
-        )
+        turn = _turn(constants, seen, prior)
         rotation = from_vector(turn) @ rotation
         ref = speeds.reference(seen, estimate, constants, filled(seen.speed))
         fits = _fits(seen, ref, car)
         moved = _moved(fits)
-        for clock, step in moved.items():
-            late[clock] = late.get(clock, 0.0) + step
-        driven = _driven(fits)
-        if driven and vehicle.source("driven").kind == "default":
-            car = replace(car, driven=driven)
-        delay_sd = REST_DELAY_SD if moved else FUSION.speed_delay_sd
+        late = late | {clock: late.get(clock, 0.0) + step for clock, step in moved.items()}
         place = _place(fits, vehicle)
-        if vehicle.imu_position is None and place[0].identifiable:
-            x, y = (p.value or 0.0 for p in place)
-            car = replace(car, imu_position=(x, y, DASHBOARD_HEIGHT - vehicle.cg_height))
-        if (
-            np.abs(turn).max() < SETTLED
-            and max(map(abs, moved.values()), default=0.0) < SETTLED_DELAY
-        ):
+        car = _learned(car, vehicle, _driven(fits), place)
+        last = _Pass(
+            rotation, turn, late, moved, car, seen, prior, estimate, constants, ref, fits, place
+        )
+        if last.is_settled:
             break
-    evidence = _evidence(drive, start)
-    findings = _of_smoother(constants, drive, car, start, evidence, prior, turn)
-    findings += _of_speeds(fits, late, seen, ref, car, start, source)
-    findings += place
-    findings += [
-        gains.pitch_gradient(seen, estimate),
-        gains.roll_gradient(seen, estimate, car),
-    ]
-    bias, bias_sd = constants["accel_bias_x"], constants["accel_bias_x_sd"]
-    findings += mass.mass_and_rolling(seen, estimate, car, bias, bias_sd)
-    by_name = {f.name: f for f in findings}
-    heavy = by_name["mass"]
-    if heavy.identifiable and heavy.value is not None:
-        car = car.with_values("calibrated", mass=heavy.value)
-    for finding in tires.stiffnesses(seen, by_name["slip_gradient"], car):
-        by_name[finding.name] = finding
-    return DriveCalibration(rotation, by_name, driven)
+        delay_sd = REST_DELAY_SD if moved else FUSION.speed_delay_sd
+    return last
+
+
+def _turn(constants: dict[str, float], drive: Drive, prior: float) -> Floats:
+    """(3,) rad, rotation vector of the mounting that the smoother found, roll only where it can."""
+    rolls = "gnss.roll" in drive and constants["mounting_roll_sd"] < TOLD * prior
+    return np.array(
+        [
+            constants["mounting_roll"] if rolls else 0.0,
+            -constants["mounting_pitch"],
+            constants["mounting_yaw"],
+        ]
+    )
+
+
+def _learned(car: Vehicle, given: Vehicle, driven: str | None, place: list[Finding]) -> Vehicle:
+    """The car with the driven axle and the IMU's place, where they were not given but found."""
+    if driven and given.source("driven").kind == "default":
+        car = replace(car, driven=driven)
+    if given.imu_position is None and place[0].identifiable:
+        x, y = (p.value or 0.0 for p in place)
+        car = replace(car, imu_position=(x, y, DASHBOARD_HEIGHT - given.cg_height))
+    return car
 
 
 def _mounted(vehicle: Vehicle, rotation: Floats, late: dict[str, float]) -> Vehicle:
@@ -228,28 +272,21 @@ def _driven(fits: dict[str, speeds.Fit]) -> str | None:
     return next((name for name, slip in slips.items() if slip), None)
 
 
-def _of_smoother(
-    constants: dict[str, float],
-    drive: Drive,
-    vehicle: Vehicle,
-    start: mounting.Coarse,
-    evidence: str,
-    mounting_sd: float,
-    turn: Floats,
-) -> list[Finding]:
+def _of_smoother(last: _Pass, drive: Drive, start: mounting.Coarse) -> list[Finding]:
+    constants, evidence = last.constants, _evidence(drive, start)
     strain = constants.get("mounting_pitch_strain", 0.0)
     has_height = any(f"gnss.{field}" in drive for field in ("climb", "altitude"))
     found = []
-    for name, prior in (PRIORS | dict.fromkeys(TURNS, mounting_sd)).items():
+    for name, prior in (PRIORS | dict.fromkeys(TURNS, last.prior)).items():
         value, sd = constants[name], constants[f"{name}_sd"]
         if start.coherence < WEAK_COHERENCE and name in ("mounting_yaw", "gyro_bias_z"):
             sd = min(WEAK_FACTOR * sd, prior)
-        if vehicle.imu_position is None and not has_height and name[:-1] == "accel_bias_":
+        if last.car.imu_position is None and not has_height and name[:-1] == "accel_bias_":
             sd = float(np.hypot(sd, UNKNOWN_ARM))
         unit = UNITS[name.rsplit("_", 1)[0]]
         if name in TURNS:
             value = 0.0  # it is in the rotation
-            sd = float(np.hypot(sd, UNSETTLED * turn[TURNS.index(name)]))
+            sd = float(np.hypot(sd, UNSETTLED * last.turn[TURNS.index(name)]))
         elif name != "slip_gradient":
             sd = float(np.hypot(sd, ACCEL_FLOOR if name.startswith("accel") else GYRO_FLOOR))
         if name == "mounting_pitch":
@@ -263,16 +300,10 @@ def _of_smoother(
     return found
 
 
-def _of_speeds(
-    fits: dict[str, speeds.Fit],
-    late: dict[str, float],
-    drive: Drive,
-    ref: speeds.Reference,
-    vehicle: Vehicle,
-    start: mounting.Coarse,
-    source: str,
-) -> list[Finding]:
+def _of_speeds(last: _Pass, start: mounting.Coarse) -> list[Finding]:
     """Delays of both clocks, and the scale of the car's own speed."""
+    fits, late, drive, ref = last.fits, last.late, last.drive, last.ref
+    source = drive.sources_of_speed()[0]
     best = _best(fits)
     why = "the speed hardly changes: brake and accelerate"
     found = []
@@ -292,7 +323,7 @@ def _of_speeds(
     if best is None or "gnss.speed" not in drive:
         reason = "GNSS is the only speed" if source == "gnss" else "no GNSS speed to compare with"
         return [*found, unknown("speed_scale", "-", reason)]
-    channels = _channels(drive, ref, vehicle)
+    channels = _channels(drive, ref, last.car)
     time, values = channels[best]
     known = np.isfinite(values)
     return [*found, speeds.scale(time[known], values[known], channels["gnss"], ref)]
