@@ -42,13 +42,10 @@ LONG_MODULES = {
     "reproduce.kim2023",
 }
 LONG_FUNCTIONS = {
-    "calibrate.drive.calibrate_drive",
     "cli.estimate.estimate",
     "cli.report.report",
     "ingest.formats.numbers.parse",
     "reproduce.kim2023.run",
-    "simulate.car.derivative",
-    "view.model.drive_view",
 }
 MAGIC = b"\x89MCAP0\r\n"  # only storage knows the bytes of MCAP
 
