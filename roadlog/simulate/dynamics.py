@@ -32,8 +32,8 @@ from roadlog.simulate.car import (
     VELOCITY,
     CarParameters,
 )
-from roadlog.simulate.frames import BodyAxes, Lane, body_axes, to_body, to_road
-from roadlog.simulate.road import RoadTables, curvature_at, heading_at, surface
+from roadlog.simulate.frames import BodyAxes, Lane, body_axes, lane_at, to_body, to_road
+from roadlog.simulate.road import RoadTables, surface
 from roadlog.simulate.wheel import contact, steered, strut, tread, wheel
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
@@ -130,6 +130,16 @@ def stored_in_motion(state: Floats, car: CarParameters) -> float:
 
 
 @njit(cache=True)
+def normal(state: Floats, road: RoadTables) -> tuple[float, float, float]:
+    """East, north, up of the road's normal under the CG."""
+    _, slope_e, slope_n = surface(
+        road, state[ALONG], state[ASIDE], state[POSITION], state[POSITION + 1]
+    )
+    norm = 1 / np.sqrt(1 + slope_e * slope_e + slope_n * slope_n)
+    return -slope_e * norm, -slope_n * norm, norm
+
+
+@njit(cache=True)
 def derivative(
     state: Floats,
     command: Floats,
@@ -147,10 +157,8 @@ def derivative(
     at rest.
     """
     axes = body_axes(state[EULER], state[EULER + 1], state[EULER + 2])
-    heading = heading_at(road, state[ALONG])
-    lane = Lane(np.cos(heading), np.sin(heading), curvature_at(road, state[ALONG]))
-    ratio = command[3] * car.final_drive
-    unsprung = (car.mass - car.sprung_mass) / 4
+    lane = lane_at(road, state[ALONG])
+    ratio, unsprung = command[3] * car.final_drive, (car.mass - car.sprung_mass) / 4
     push = Push(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     energy = power = front_side = 0.0
     for i in range(4):
@@ -190,8 +198,4 @@ def derivative(
     out[BRAKE] = (command[2] - state[BRAKE]) / car.brake_lag
     extras[ENERGY] = energy + stored_in_motion(state, car)
     extras[POWER] = power
-    _, slope_e, slope_n = surface(
-        road, state[ALONG], state[ASIDE], state[POSITION], state[POSITION + 1]
-    )
-    norm = 1 / np.sqrt(1 + slope_e * slope_e + slope_n * slope_n)
-    extras[NORMAL], extras[NORMAL + 1], extras[NORMAL + 2] = -slope_e * norm, -slope_n * norm, norm
+    extras[NORMAL], extras[NORMAL + 1], extras[NORMAL + 2] = normal(state, road)

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from roadlog.simulate.road import RoadTables, curvature_at, heading_at
+
 
 class BodyAxes(NamedTuple):
     """The body's axes x, y, z by east, north and up."""
@@ -66,3 +68,10 @@ def to_body(axes: BodyAxes, e: float, n: float, u: float) -> tuple[float, float,
         axes.ye * e + axes.yn * n + axes.yu * u,
         axes.ze * e + axes.zn * n + axes.zu * u,
     )
+
+
+@njit(cache=True)
+def lane_at(road: RoadTables, along: float) -> Lane:
+    """The middle line at `along` m."""
+    heading = heading_at(road, along)
+    return Lane(np.cos(heading), np.sin(heading), curvature_at(road, along))
