@@ -42,3 +42,11 @@ def test_own_fields_are_fixed_width_with_presence_and_a_comment() -> None:
                 assert field.type in schemas.DTYPES, f"{where} has no fixed width"
                 assert field.proto3_optional, f"{where} is not optional"
                 assert (4, number, 2, index) in commented, f"{where}: say its unit and sign"
+
+
+@pytest.mark.parametrize("section", SECTIONS.values(), ids=SECTIONS)
+def test_comments_of_a_message_state_the_units_of_the_vocabulary(section) -> None:
+    stated = schemas.units(section.schema)
+    assert {s.field: stated.get(s.field, "-") for s in section.signals} == {
+        s.field: s.unit for s in section.signals
+    }
