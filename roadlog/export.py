@@ -29,6 +29,9 @@ SUFFIXES = (".csv", ".parquet")
 WINDOW = 60 * 10**9  # ns written at a time
 MARGIN = 10 * 10**9  # ns beside a window that interpolation sees
 TIME = "time_ns"
+EMPTIEST = 100  # rows of a grid per message, beyond which a clock must have jumped
+FEW_ROWS = 100_000
+SLOWEST = 1.0  # Hz, of messages with their own times
 
 _SECTION_OF = {section.topic: section.name for section in SECTIONS.values()}
 
@@ -62,15 +65,48 @@ def export(
         columns = _columns(reader, topics, roles)
         if reader.start_ns is None or reader.end_ns is None or not columns:
             raise LogReadError(f"{log}: nothing to export: the chosen channels hold no numbers")
+        _check_span(reader, rate)
         opened = _csv if out.suffix.lower() == ".csv" else _parquet
         rows = 0
         with replacing(out) as file, opened(file, columns) as put:
-            for start in range(reader.start_ns, reader.end_ns + 1, WINDOW):
+            for start in _windows(reader, rate):
                 end = min(start + WINDOW, reader.end_ns + 1)
                 time, block = _block(reader, columns, start, end, rate)
                 rows += len(time)
                 put(time, block)
         return rows, columns, list(reader.losses)
+
+
+def _windows(reader: LogReader, rate: float | None) -> Iterator[int]:
+    """Starts of the windows that hold anything; on a grid of all, which has rows in each."""
+    start, end = reader.start_ns or 0, reader.end_ns or 0
+    if rate:
+        yield from range(start, end + 1, WINDOW)
+        return
+    done = -1
+    for first, last in sorted((c.start_ns, c.end_ns) for c in reader.contents.chunks if c.indexes):
+        begin = max(done + 1, (first - start) // WINDOW)
+        done = max(done, (last - start) // WINDOW)
+        yield from (start + k * WINDOW for k in range(begin, done + 1))
+
+
+def _check_span(reader: LogReader, rate: float | None) -> None:
+    """Raise LogReadError where time jumps, so that most rows or windows would be empty."""
+    start, end = reader.start_ns or 0, reader.end_ns or 0
+    messages = sum(channel.count for channel in reader.channels)
+    rows = (end - start) * 1e-9 * (rate or SLOWEST)
+    if rows <= max(FEW_ROWS, EMPTIEST * messages):
+        return
+    chunks = sorted((c.start_ns, c.end_ns) for c in reader.contents.chunks if c.indexes)
+    last, jump = start, (0, start)
+    for first, behind in chunks:
+        jump = max(jump, (first - last, last))
+        last = max(last, behind)
+    days, at = jump[0] / 86400e9, np.datetime64(jump[1], "ns")
+    raise LogReadError(
+        f"{reader.path}: its clock jumps by {days:.1f} days after {at} UTC: {rows:.0f} rows for "
+        f"{messages} messages; put the clock right, or choose topics without the jump"
+    )
 
 
 def _columns(reader: LogReader, topics: Sequence[str], roles: Sequence[str]) -> list[Column]:

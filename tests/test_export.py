@@ -80,7 +80,7 @@ def test_two_messages_of_one_stamp_stay_two(tmp_path):
 def test_a_failed_export_leaves_the_old_file(roadlog, log, tmp_path):
     out = tmp_path / "x.csv"
     out.write_text("precious")
-    failed = roadlog("export", log, "-o", out, "--topics", "/gone")
+    failed = roadlog("export", log, "-o", out, "--force", "--topics", "/gone")
     assert failed.returncode == 1
     assert "no topic '/gone'" in failed.stderr
     assert out.read_text() == "precious"

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import operator
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
+from string import ascii_lowercase
 from typing import Any
 
 import numpy as np
@@ -38,8 +38,8 @@ _COMPARISONS: dict[str, Callable[[Any, Any], Any]] = {
     "<": operator.lt,
     ">": operator.gt,
 }
-_CONDITION = re.compile(r"^\s*(.+?)\s*(==|!=|<=|>=|<|>)\s*([-+.\deE]+)\s*$")
-_DURATION = re.compile(r"^\s*([-+.\deE]+)\s*([a-z]+)\s*$")
+NUMBER = "+-.0123456789eE"  # letters of a number
+COMPARISONS = ("==", "!=", "<=", ">=", "<", ">")
 
 
 class AbsentError(ConfigError):
@@ -337,20 +337,26 @@ def is_slope(role: str) -> bool:
 
 
 def _delay(value: Any, where: str) -> float:
-    match = _DURATION.match(value) if isinstance(value, str) else None
-    if not match or not _parses(match[1]):
+    text = value.strip() if isinstance(value, str) else ""
+    number = text.rstrip(ascii_lowercase)
+    unit = text[len(number) :]
+    if not unit or not _parses(number.rstrip()):
         raise ConfigError(f'{where}: delay must be a number with a unit, like "0.12 s"')
-    seconds = float(match[1]) * _factor(match[2], "s", where)
+    seconds = float(number) * _factor(unit, "s", where)
     if abs(seconds) > LONGEST_DELAY:
         raise ConfigError(f"{where}: delay must be less than {LONGEST_DELAY:.0f} s")
     return seconds
 
 
 def _condition(text: str, where: str) -> Condition:
-    match = _CONDITION.match(text)
-    if not match or not _parses(match[3]):
+    text = text.strip()
+    head = text.rstrip(NUMBER)
+    number, head = text[len(head) :], head.rstrip()
+    sign = next((sign for sign in COMPARISONS if head.endswith(sign)), "")
+    name = head.removesuffix(sign).rstrip()
+    if not sign or not name or not _parses(number):
         raise ConfigError(f'{where}: valid must be a comparison like "AltitudeValid == 1"')
-    return Condition(match[1], match[2], float(match[3]))
+    return Condition(name, sign, float(number))
 
 
 def _factor(unit: str, expected: str, where: str) -> float:

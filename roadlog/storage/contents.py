@@ -7,6 +7,7 @@ all records otherwise.
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -42,6 +43,9 @@ from roadlog.storage.records import (
 
 FOOTER_SIZE = PREFIX.size + 20 + len(MAGIC)  # the Footer record and the magic behind it
 DATA_END_SIZE = PREFIX.size + 4
+FREE = 1 << 27  # bytes that any file may inflate to
+MOST_INFLATED = 200  # times the file; sensors that are still compress to a hundredth at most
+MOST_CHANNELS = 5000  # the largest logs of vehicles have some thousand
 CHECKED_WHOLE = 1 << 22  # bytes; a file with metadata that has no CRC of its own, up to this size
 
 
@@ -93,7 +97,33 @@ class Contents:
 
 
 def contents(source: Source) -> Contents:
-    """What a file holds, by its summary or else by a scan."""
+    """What a file holds, by its summary or else by a scan. Raises Damage for more than is bounded.
+
+    What a log makes us inflate and list is bounded by what lies in the file.
+    """
+    found = _contents(source)
+    _check_bounds(source, found.chunks)
+    if len(found.channels) > MOST_CHANNELS:
+        raise Damage(f"it declares {len(found.channels)} channels, more than {MOST_CHANNELS}")
+    return found
+
+
+def _check_bounds(source: Source, chunks: Sequence[Chunk]) -> None:
+    for chunk in chunks:
+        if chunk.size > max(FREE // 2, MOST_INFLATED * chunk.length):
+            raise Damage(
+                f"the chunk at byte {chunk.offset} would inflate from {chunk.length} to "
+                f"{chunk.size} bytes"
+            )
+    inflated = sum(chunk.size for chunk in chunks)
+    if inflated > max(FREE, MOST_INFLATED * source.size):
+        raise Damage(
+            f"its {len(chunks)} chunks would inflate to {inflated / 1e6:.0f} MB, more than "
+            f"{MOST_INFLATED} times the file"
+        )
+
+
+def _contents(source: Source) -> Contents:
     problem = ""
     try:
         found = _from_summary(source)
@@ -210,6 +240,7 @@ def scan(source: Source) -> Contents:
     else:
         if data_end is None:
             result.losses.append("it is damaged: no record ends its data")
+    _check_bounds(source, chunks)
     for chunk in chunks:
         _take_stock(source, chunk, result)
     _check_declared(result)

@@ -24,8 +24,8 @@ BUILTIN = {
 ROS1_BUILTIN = {"time": "uint32 sec\nuint32 nanosec", "duration": "int32 sec\nint32 nanosec"}
 
 _SEPARATOR = re.compile(r"^=+\n", re.MULTILINE)
-_TYPE = re.compile(r"([\w/]+)(?:<=\d+)?(\[(<=)?(\d*)\])?$")
-_UNIT = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
+_TYPE = re.compile(r"\A([\w/]+)(?:<=\d+)?(\[(<=)?(\d*)\])?$")
+_UNIT = re.compile(r"[\[(]([^\[(\])]+)[\])]")
 
 
 @dataclass(frozen=True)
@@ -116,9 +116,9 @@ def stated_unit(comment: str) -> str:
 
     What is no unit is harmless: it is looked up before it is used.
     """
-    inside = _UNIT.findall(comment)
+    inside = [text for text in _UNIT.findall(comment) if text.strip()]
     if inside:
-        return inside[-1]
+        return inside[-1].strip()
     head = comment.strip().split(",")[0]
     return head if len(head.split()) <= 2 and len(head) <= 12 else ""
 

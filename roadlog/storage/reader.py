@@ -60,7 +60,10 @@ class LogReader:
             if head != MAGIC:
                 found = "is empty" if not head else "is no MCAP file"
                 raise LogReadError(f"{path}: {found}; make a log with `roadlog ingest`")
-            self.contents = contents(self.source)
+            try:
+                self.contents = contents(self.source)
+            except Damage as damage:
+                raise LogReadError(f"{path}: cannot be read: {damage}") from damage
             if self.contents.losses and not self.contents.channels:
                 raise LogReadError(f"{path}: {self.contents.losses[0]}, and that is nothing")
             for loss in self.contents.losses:

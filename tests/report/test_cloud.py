@@ -112,7 +112,7 @@ def test_an_object_that_was_changed_meanwhile_stays(
         monkeypatch.setattr(row, "put_back", late)
         if not is_conditional:
             monkeypatch.setattr(sources, "SINGLE_PUT", 0)
-        made = row.run_log(source, row.Options(("level",), write_back=True)).row
+        made = row.run_log(source, row.Options(("lowpass_attitude",), write_back=True)).row
         assert made["status"] == "failed"
         assert "another program" in made["message"]
         assert store.get_object(Bucket="fleet", Key="logs/a.mcap")["Body"].read() == foreign

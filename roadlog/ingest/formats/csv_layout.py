@@ -30,7 +30,7 @@ DELIMITERS = "\t;,|"
 BLANK = " "
 SURE = 0.9  # share of lines that are rows of one width
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:e[+-]?\d+)?", re.IGNORECASE)
-_MOMENT = re.compile(r"\d{1,4}[-/.:]\d{1,2}[-/.:T ]\S*.*\d")
+_MOMENT = re.compile(r"\d{1,4}[-/.:]\d{1,2}[-/.:T ].*\d")
 NOTHING = frozenset(("", "-", "--", "na", "n/a", "null", "none", "nan", "inf", "-inf", "#n/a"))
 # units of quantities that are none of ours, and what stands where there is none
 _OTHERS = re.compile(

@@ -34,7 +34,7 @@ FORMATS = (
 _CLOCK = re.compile(
     r"^\s*(.*?\d{1,2}:\d{2}):(\d{2})(?:[.,:](\d+))?\s*([A-Za-z]{0,3}|[+-]\d{2}:?\d{2})\s*$"
 )
-_BRACKETS = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
+_BRACKETS = re.compile(r"[\[(]([^\[(\])]*)[\])]\s*$")
 LAST_STAMP = 2**62  # ns, year 2116: int64 holds the difference of two stamps too
 MINUTE = 60 * 10**9 + 10**9  # ns, one with a leap second
 DAY = 86400 * 10**9  # ns
