@@ -25,6 +25,7 @@ RERUN = (0, 41)  # the minor version that layout and recording are written for
 LOOPBACK = "127.0.0.1"
 WINDOW = "1600x900"  # points, of a picture
 START_TIME = 60.0  # s, for a viewer to answer
+END_TIME = 5.0  # s, for a viewer that lost its connection to end
 LOAD_TIME = 120.0  # s, for a recording to be loaded
 SETTLE_TIME = 40.0  # s, for a tab to stop changing
 SETTLED = 8  # of 255: translucent bands are drawn in changing order, so pictures never equal
@@ -185,26 +186,21 @@ def headless(path: Path, size: str = WINDOW) -> Iterator[Headless]:
     port = _free_port()
     command = [_executable(), "--headless", "--bind", LOOPBACK, "--port", str(port)]
     with _process([*command, "--window-size", size]) as process:
+        url = f"rerun+http://{LOOPBACK}:{port}/proxy"
         try:
             _wait_for_port(process, port)
-        except RoadlogError as error:
-            if "adapter" in str(error) or "render context" in str(error):
-                raise NoGraphicsError(
-                    "no Vulkan driver to draw with; a software one is enough: "
-                    "apt-get install mesa-vulkan-drivers"
-                ) from error
-            raise
-        url = f"rerun+http://{LOOPBACK}:{port}/proxy"
-        client = ViewerClient.connect(url)
-        client.open(str(path))
-        deadline = time.monotonic() + LOAD_TIME
-        while client.get_state().loading and time.monotonic() < deadline:
-            time.sleep(0.2)
-        try:
+            client = ViewerClient.connect(url)
+            client.open(str(path))
+            deadline = time.monotonic() + LOAD_TIME
+            while client.get_state().loading and time.monotonic() < deadline:
+                time.sleep(0.2)
             yield Headless(client, url)
         except ConnectionError as error:
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(END_TIME)
             if process.poll() is None:
                 raise RoadlogError(f"the viewer does not answer: {error}") from error
+            _check_driver(process)  # it may open its port before it looks for one
             raise RoadlogError(
                 f"the viewer ended (without a screen it cannot write letters outside its font, "
                 f"as in the name of a log): {_last_words(process)}"
@@ -257,12 +253,23 @@ def _wait_for_port(process: subprocess.Popen[str], port: int) -> None:
     deadline = time.monotonic() + START_TIME
     while time.monotonic() < deadline:
         if process.poll() is not None:
+            _check_driver(process)
             raise RoadlogError(f"the viewer did not start: {_last_words(process)}")
         with suppress(OSError):
             socket.create_connection((LOOPBACK, port), timeout=1.0).close()
             return
         time.sleep(0.1)
     raise RoadlogError(f"the viewer did not answer within {START_TIME:.0f} s")
+
+
+def _check_driver(process: subprocess.Popen[str]) -> None:
+    """Raise NoGraphicsError where a viewer ended for want of a graphics adapter."""
+    words = _last_words(process)
+    if "adapter" in words or "render context" in words:
+        raise NoGraphicsError(
+            "no Vulkan driver to draw with; a software one is enough: "
+            "apt-get install mesa-vulkan-drivers"
+        )
 
 
 def _free_port() -> int:

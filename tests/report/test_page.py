@@ -1,7 +1,6 @@
 """The pages in a real browser: headless Chromium, offline."""
 
 import json
-import shutil
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support import browsers
 from support.drives import hill_tables, table
 
 from roadlog.car.vehicle import Vehicle
@@ -21,6 +21,7 @@ from roadlog.report.sources import Source, find
 
 HOSTILE = "<img src=x onerror=alert(1)>.mcap"
 OPTIONS = Options(("kmbe", "lowpass_attitude", "ls_window"))
+pytestmark = pytest.mark.needs_browser
 
 
 def in_threads(jobs: int = 1) -> Engine:
@@ -60,20 +61,11 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     """Headless Chromium by Selenium, with its console and its requests recorded."""
-    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
-    driver = shutil.which("chromedriver")
-    if chromium is None or driver is None:
-        pytest.skip("chromium or chromedriver is not installed")
-    options = webdriver.ChromeOptions()
-    options.binary_location = chromium
-    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
-        options.add_argument(argument)
+    options = browsers.options("--disable-gpu", "--disable-dev-shm-usage")
     options.add_argument("--window-size=1300,1600")
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    opened = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
-    yield opened
-    opened.quit()
+    with browsers.opened(options) as browser:
+        yield browser
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import os
 import re
-import shutil
 import signal
 import socket
 import subprocess
@@ -18,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from support import browsers
 from support.drives import ROOT, Run
 from support.view_logs import DURATION, make_log
 
@@ -27,6 +27,7 @@ from roadlog.view import viewer
 from roadlog.view.model import drive_view
 from roadlog.view.recording import send_recording, write_recording
 
+NO_DRIVER = "needs_viewer: no Vulkan driver (mesa-vulkan-drivers has one)"
 CURSOR = 10.0  # s
 TABS = ["Angles", "Totals", "Errors", "Inputs", "Scene", "Map", "Windows", "Summary"]
 
@@ -38,9 +39,10 @@ def drawn(path: Path) -> Iterator[viewer.Headless]:
         with viewer.headless(path) as shown:
             yield shown
     except viewer.NoGraphicsError:
-        pytest.skip("headless viewer: no Vulkan driver (mesa-vulkan-drivers has one)")
+        pytest.skip(NO_DRIVER)
 
 
+@pytest.mark.needs_viewer
 def test_first_plot_spans_the_drive_and_no_view_complains(log: DriveLog, tmp_path: Path) -> None:
     path = tmp_path / "x.rrd"
     write_recording(drive_view(log), path)
@@ -63,17 +65,30 @@ def test_first_plot_spans_the_drive_and_no_view_complains(log: DriveLog, tmp_pat
 
 
 @pytest.mark.slow
+@pytest.mark.needs_viewer
 def test_png_command_draws_every_tab(log: DriveLog, tmp_path: Path, roadlog: Run) -> None:
     run = roadlog("view", log.path, "--png", tmp_path / "pictures", "-e", "kmbe")
     if "no Vulkan driver" in run.stderr:
-        assert run.returncode == 1
-        pytest.skip("headless viewer: no Vulkan driver (mesa-vulkan-drivers has one)")
+        pytest.skip(NO_DRIVER)
     assert run.returncode == 0, run.stderr
     names = [f"{k}-{tab.lower()}.png" for k, tab in enumerate(TABS, 1) if tab != "Windows"]
     pictures = sorted((tmp_path / "pictures").iterdir())
     assert len(pictures) == len(names) == len(run.stdout.splitlines()) - 1
     for picture in pictures:
         assert len(np.unique(imread(picture).reshape(-1, 4), axis=0)) > 50  # not blank
+
+
+def test_png_says_in_one_line_that_there_is_no_driver(
+    log: DriveLog, tmp_path: Path, roadlog: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("VK_DRIVER_FILES", "/nonexistent")
+    monkeypatch.setenv("WGPU_BACKEND", "vulkan")
+    run = roadlog("view", log.path, "--png", tmp_path / "pictures", "-e", "kmbe")
+    assert run.returncode == 1
+    assert len(run.stderr.splitlines()) == 1
+    assert "no Vulkan driver to draw with" in run.stderr
+    assert "apt-get install mesa-vulkan-drivers" in run.stderr
+    assert not list(tmp_path.glob("pictures/*"))
 
 
 @contextmanager
@@ -118,32 +133,23 @@ def test_web_viewer_listens_on_loopback_only_and_ends_with_ctrl_c(log: DriveLog)
 
 
 @pytest.mark.slow
+@pytest.mark.needs_browser
 def test_web_viewer_shows_the_drive_in_a_browser(log: DriveLog) -> None:
-    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
-    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
-    if chromium is None or driver is None:
-        pytest.skip("web viewer: chromium or chromedriver is not installed")
-    options = webdriver.ChromeOptions()
-    options.binary_location = chromium
     software = "--use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader"
-    for argument in ("--headless=new", "--no-sandbox", "--ignore-gpu-blocklist", *software.split()):
-        options.add_argument(argument)
+    options = browsers.options("--ignore-gpu-blocklist", *software.split())
     options.add_argument("--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1")
     options.add_argument("--window-size=1400,800")
-    with serving(log.path) as (url, _):
-        browser = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
-        try:
-            browser.get(f"{url}&renderer=webgl")
-            deadline, colored = time.monotonic() + 120.0, 0.0
-            while colored < 0.01 and time.monotonic() < deadline:
-                time.sleep(1.0)
-                rgb = imread(io.BytesIO(browser.get_screenshot_as_png()))[..., :3]
-                colored = float((np.ptp(rgb, axis=-1) > 0.25).mean())
-        finally:
-            browser.quit()
+    with serving(log.path) as (url, _), browsers.opened(options) as browser:
+        browser.get(f"{url}&renderer=webgl")
+        deadline, colored = time.monotonic() + 120.0, 0.0
+        while colored < 0.01 and time.monotonic() < deadline:
+            time.sleep(1.0)
+            rgb = imread(io.BytesIO(browser.get_screenshot_as_png()))[..., :3]
+            colored = float((np.ptp(rgb, axis=-1) > 0.25).mean())
     assert colored > 0.01  # the curves, not the gray page that waits for data
 
 
+@pytest.mark.needs_viewer
 def test_connect_sends_to_a_viewer_that_runs(log: DriveLog, tmp_path: Path) -> None:
     view = drive_view(log, ["kmbe"])
     other = tmp_path / "other.rrd"
