@@ -29,6 +29,7 @@ BUILT_IN = (
     "sbf",
     "nmea",
     "gopro",
+    "openpilot",
     "gnsslogger",
     "phone",
     "csv",
