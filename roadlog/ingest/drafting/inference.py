@@ -14,6 +14,7 @@ from roadlog.drive import Drive
 from roadlog.errors import RoadlogError
 from roadlog.ingest import mapping
 from roadlog.ingest.drafting.draft import Draft, Guess
+from roadlog.ingest.drafting.lean import mounting
 from roadlog.ingest.grid import one_grid
 from roadlog.ingest.profile import Profile
 from roadlog.motion import axes
@@ -121,17 +122,25 @@ def _findings(draft: Draft, state: motion.Examination) -> None:
 
 def _mount(draft: Draft, state: motion.Examination) -> None:
     """The mounting and the signs that explain the drive best."""
-    verdict = axes.judge(state.evidence)
-    if verdict is None:
+    found = mounting(state.evidence)
+    if found is None:
         return
+    verdict = found.verdict
     mean, best = verdict.mean, verdict.best
-    if best is None:
+    if found.matrix is not None:
+        draft.mount = found.toml
+        draft.notes.append(
+            "it leans: by gravity and the way the car gathers speed, good to a degree or"
+        )
+        draft.notes.append("two; `roadlog calibrate` finds the rest")
+    elif best is None:
         draft.notes.append("The sensor's axes are taken as x forward, y left, z up:")
         if mean is not None and abs(mean[2]) < axes.UPRIGHT * np.linalg.norm(mean):
             draft.notes.append("but gravity is not on z, and the mounting is not observable;")
         draft.notes.append("nothing in the drive says otherwise.")
+    if best is None:
         return
-    if best.turned:
+    if best.turned and found.matrix is None:
         draft.mount = best.toml()
         draft.notes.append("by gravity, speed and turns of this drive; angles beyond right ones")
         draft.notes.append("are what `roadlog calibrate` finds")

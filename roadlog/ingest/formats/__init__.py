@@ -30,6 +30,7 @@ BUILT_IN = (
     "nmea",
     "gopro",
     "openpilot",
+    "aim",
     "gnsslogger",
     "phone",
     "csv",

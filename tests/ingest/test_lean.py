@@ -1,0 +1,43 @@
+"""A phone that leans: `profile new` writes the rotation that the drive shows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.drives import table
+from support.phone_drive import FLAT, PhoneDrive
+
+from roadlog.drive import Drive
+from roadlog.ingest.drafting.lean import mounting
+from roadlog.motion.evidence import Evidence
+
+DRIVE = PhoneDrive(200)
+
+
+def turned(rpy_deg: tuple[float, float, float]) -> np.ndarray:
+    r, p, y = np.radians(rpy_deg)
+    about_x = np.array([[1, 0, 0], [0, np.cos(r), -np.sin(r)], [0, np.sin(r), np.cos(r)]])
+    about_y = np.array([[np.cos(p), 0, np.sin(p)], [0, 1, 0], [-np.sin(p), 0, np.cos(p)]])
+    about_z = np.array([[np.cos(y), -np.sin(y), 0], [np.sin(y), np.cos(y), 0], [0, 0, 1]])
+    return FLAT @ (about_z @ about_y @ about_x).T
+
+
+@pytest.mark.parametrize(
+    "lean", [(0, 40, 0), (0, -40, 15), (10, 30, -20), (20, 0, 0), (-8, 25, 5), (0, 10, 90)]
+)
+def test_the_mounting_of_a_leaning_phone_is_found_to_two_degrees(lean):
+    lies = turned(lean)
+    t, f = np.arange(0, 200, 0.02), np.arange(0, 200, 1.0)
+    force, rate = (values @ lies.T for values in DRIVE.imu(t))
+    imu = {f"accel_{a}": force[:, k] for k, a in enumerate("xyz")}
+    imu |= {f"gyro_{a}": rate[:, k] for k, a in enumerate("xyz")}
+    fixes = {n: v for n, v in DRIVE.fixes(f).items() if n in ("speed", "latitude", "longitude")}
+    tables = [
+        table(n, np.round(x * 1e9).astype(np.int64), c)
+        for n, x, c in (("imu", t, imu), ("gnss", f, fixes))
+    ]
+    found = mounting(Evidence.of(Drive.from_tables(tables)))
+    assert found is not None
+    assert found.matrix is not None
+    left = found.matrix @ lies
+    assert np.degrees(np.arccos((np.trace(left) - 1) / 2)) < 2.0
