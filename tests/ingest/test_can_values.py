@@ -11,6 +11,7 @@ from support.can_cases import COUNT, MOTION, PROFILE, START, candump, files, mdf
 
 from roadlog.errors import ConfigError, LogReadError
 from roadlog.ingest import ingest
+from roadlog.ingest.drafting.starter import starter
 from roadlog.ingest.formats import can
 from roadlog.ingest.formats.can_signals import no_value
 from roadlog.ingest.formats.can_trace import read
@@ -289,3 +290,34 @@ def test_a_multi_frame_answer_with_a_hole_is_a_loss():
 def test_nothing_decoded_names_the_bus(tmp_path):
     with pytest.raises(LogReadError, match=r"seen: 0x65 \(1 on can0\), 0x66 \(1 on can1\)"):
         decoded(tmp_path, [(0, "can0", 0x65, b"1"), (1, "can1", 0x66, b"1")])
+
+
+@pytest.mark.parametrize("kind", ["kcd", "sym"])
+def test_databases_of_other_kinds(tmp_path, kind):
+    database = cantools.database.load_string(MOTION, "dbc")
+    text = database.as_kcd_string() if kind == "kcd" else database.as_sym_string()
+    other = tmp_path / f"car.{kind}"
+    other.write_text(text)
+    _, profile = files(tmp_path)
+    path = candump(tmp_path / "car.log", [(k / 50, "can0", 100, motion(k)) for k in range(COUNT)])
+    result = ingest([path], profile, [other])
+    speed = next(t for t in result.tables if t.topic == "/speed").columns["v"]
+    np.testing.assert_allclose(speed * 3.6, 50 + np.arange(COUNT) / 100)
+
+
+def test_two_senders_are_offered_by_profile_new(tmp_path):
+    def speed(raw: int) -> bytes:
+        return struct.pack("<BHBI", 0xFF, raw, 0xFF, 0xFFFFFFFF)
+
+    frames = [
+        (k / 10 + late, "can0", 0x18FEF100 + source, speed(256 * (60 + source) + k))
+        for k in range(100)
+        for source, late in ((0x00, 0.0), (0x0B, 0.03))
+    ]
+    dbc = tmp_path / "truck.dbc"
+    dbc.write_text(TRUCK)
+    path = candump(tmp_path / "truck.log", frames)
+    text = starter([path], [dbc])
+    assert 'from = "CCVS1@0x00.WheelBasedVehicleSpeed"' in text
+    assert "# or: CCVS1@0x0B.WheelBasedVehicleSpeed" in text
+    assert len(ingest([path], Profile.from_toml(text, "new"), [dbc]).tables[0]) == 100

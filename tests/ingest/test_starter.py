@@ -143,6 +143,7 @@ def test_a_log_without_known_names_gets_a_profile_of_comments(tmp_path):
         ("WHL_SPD_RR", "wheel_speeds.rr", "m/s"),
         ("AccX_IMU1", "imu.accel_x", "m/s^2"),
         ("vert-vel", "gnss.climb", "m/s"),
+        ("Vitesse de lacet (°/s)", "imu.gyro_z", "deg/s"),
         ("Breitengrad", "gnss.latitude", "deg"),
         ("Höhe [m]", "gnss.altitude", "m"),
         ("Slope_RTK_deg", "truth.grade", "deg"),

@@ -32,7 +32,7 @@ AIM = """"Format","AiM CSV File"
 "Segment Times","1:02.3","1:03.1"
 
 "Time","GPS Speed","External Temp"
-"s","km/h","C"
+"s","km/h","km/h"
 
 """
 DEWESOFT = "Data info:\tdrive 7\nStart time:\t14.11.2023 22:13:20\n\n Time (s)\tv (km/h)\tT (°C)\n"

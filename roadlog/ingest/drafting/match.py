@@ -46,7 +46,7 @@ def match(draft: Draft, typed: Collection[int] = ()) -> None:
     track = _track(found)
     for guesses in found.values():
         best = max(guesses, key=lambda g: (_bears_out(g, track), g.stated, _rate(g.frame)))
-        others = [g.column for g in guesses if g is not best]
+        others = [_full_name(g) for g in guesses if g is not best]
         doubts = (f"or: {', '.join(others)}",) if others else ()
         draft.guesses.append(replace(best, doubts=(*best.doubts, *doubts)))
 
@@ -129,7 +129,11 @@ def _triad(draft: Draft, found: Sequence[Sequence[Guess]]) -> None:
     ranked = sorted(single, key=lambda g: (len(g), gravity_unit(g) != ""), reverse=True)
     draft.guesses += ranked[0]
     for other in ranked[1:]:
-        draft.put([ranked[0][0].role], doubt=f"or: {', '.join(g.column for g in other)}")
+        draft.put([ranked[0][0].role], doubt=f"or: {', '.join(map(_full_name, other))}")
+
+
+def _full_name(guess: Guess) -> str:
+    return f"{guess.frame.name}.{guess.column}" if guess.frame.name else guess.column
 
 
 def _one_each(group: Sequence[Guess]) -> list[Guess]:

@@ -97,11 +97,17 @@ WORDED: dict[str, tuple[str, ...]] = {
     "imu.accel_x": _either(_LONG, _FORCE),
     "imu.accel_y": _either(_LAT, _FORCE),
     "imu.accel_z": _either(_VERT, _FORCE),
-    "imu.gyro_x": (rf"(?:gyro)?(?:roll|wank|roulis|balanceo|alabeo){_RATE}", r"wroll|rollw"),
-    "imu.gyro_y": (rf"(?:gyro)?(?:pitch|nick|tangage|cabeceo){_RATE}", r"wpitch|pitchw"),
+    "imu.gyro_x": (
+        rf"(?:gyro)?(?:roll|wank|roulis|balanceo|alabeo){_RATE}",
+        r"wroll|rollw|vitesse(?:de)?roulis|velocidad(?:de)?(?:balanceo|alabeo)",
+    ),
+    "imu.gyro_y": (
+        rf"(?:gyro)?(?:pitch|nick|tangage|cabeceo){_RATE}",
+        r"wpitch|pitchw|vitesse(?:de)?tangage|velocidad(?:de)?cabeceo",
+    ),
     "imu.gyro_z": (
         rf"(?:gyro)?(?:yaw|gier|lacet|guinada){_RATE}",
-        r"vyaw|vyawveh|wyaw|yaww\w*|yawr|psip|dpsi|gier|vitesselacet|velguinada",
+        r"vyaw|vyawveh|wyaw|yaww\w*|yawr|psip|dpsi|gier|vitesse(?:de)?lacet|(?:vel|velocidad)(?:de)?guinada",
     ),
 }
 

@@ -128,7 +128,7 @@ def _header(
         rows = fitting[-1:]
     if not rows:
         return [f"column {k + 1}" for k in range(width)], {}, True
-    if len(rows) > 2 and _repeats(rows[-1]):
+    if len(rows) > 2 and _repeats(rows[-1]) and not _are_units(rows[-1]):
         rows.pop()  # which device each column comes from (RaceChrono)
     units: list[str] = []
     over = [row for row in rows[:-1] if len(row) >= len(rows[-1]) - 1]
