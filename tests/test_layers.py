@@ -44,7 +44,6 @@ LONG_MODULES = {
 LONG_FUNCTIONS = {
     "cli.estimate.estimate",
     "cli.report.report",
-    "ingest.formats.numbers.parse",
     "reproduce.kim2023.run",
 }
 MAGIC = b"\x89MCAP0\r\n"  # only storage knows the bytes of MCAP

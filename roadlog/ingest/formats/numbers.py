@@ -102,6 +102,37 @@ def _cell(data, start, end, comma):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _field(data, k, delimiter):  # type: ignore[no-untyped-def]
+    """Start and end of the field at k, the delimiter or line feed behind it, whether in quotes."""
+    size = len(data)
+    while k < size and data[k] == _SPACE:
+        k += 1
+    quoted = k < size and data[k] == _QUOTE
+    if quoted:
+        k += 1
+        start = k
+        while k < size and not (data[k] == _QUOTE and not (k + 1 < size and data[k + 1] == _QUOTE)):
+            k += 2 if data[k] == _QUOTE else 1
+        end = k
+        while k < size and data[k] != delimiter and data[k] != _LF:
+            k += 1
+        return start, end, k, quoted
+    start = k
+    while k < size and data[k] != delimiter and data[k] != _LF:
+        k += 1
+    end = k
+    if end > start and data[end - 1] == _CR:
+        end -= 1
+    if delimiter == _SPACE:
+        last = k
+        while last < size and data[last] == _SPACE:
+            last += 1
+        if last < size and (data[last] == _LF or data[last] == _CR):
+            k = last + (1 if data[last] == _CR else 0)  # blanks at the end of a line
+    return start, end, k, quoted
+
+
+@njit(cache=True)
 def parse(data, delimiter, comma, width, picks, kinds, values, integers, spans):  # type: ignore[no-untyped-def]
     """Rows of a block that ends with a line feed; lines of remarks are passed over.
 
@@ -127,32 +158,7 @@ def parse(data, delimiter, comma, width, picks, kinds, values, integers, spans):
                 used = k
                 continue
         while k < size:
-            while k < size and data[k] == _SPACE:
-                k += 1
-            quoted = k < size and data[k] == _QUOTE
-            if quoted:
-                k += 1
-                start = k
-                while k < size and not (
-                    data[k] == _QUOTE and not (k + 1 < size and data[k + 1] == _QUOTE)
-                ):
-                    k += 2 if data[k] == _QUOTE else 1
-                end = k
-                while k < size and data[k] != delimiter and data[k] != _LF:
-                    k += 1
-            else:
-                start = k
-                while k < size and data[k] != delimiter and data[k] != _LF:
-                    k += 1
-                end = k
-                if end > start and data[end - 1] == _CR:
-                    end -= 1
-                if delimiter == _SPACE:
-                    last = k
-                    while last < size and data[last] == _SPACE:
-                        last += 1
-                    if last < size and (data[last] == _LF or data[last] == _CR):
-                        k = last + (1 if data[last] == _CR else 0)  # blanks at the end of a line
+            start, end, k, quoted = _field(data, k, delimiter)
             if k >= size:
                 break
             last_blank = end == start
