@@ -34,6 +34,13 @@ def view(
         typer.Option(metavar="NAME|FILE", help="What the topics of a third-party MCAP mean."),
     ] = None,
     rate: Annotated[float, typer.Option(metavar="HZ", help="Samples per second shown.")] = 20.0,
+    layout: Annotated[
+        str | None,
+        typer.Option(
+            metavar="foxglove|plotjuggler|rerun",
+            help="Write a layout for LOG in that viewer (--save F, or beside it); open nothing.",
+        ),
+    ] = None,
     names: Annotated[
         list[str] | None,
         typer.Option("-e", "--estimator", metavar="NAME", help="Only this one; repeatable."),
@@ -55,6 +62,9 @@ def view(
         raise typer.BadParameter("must be between 0.1 and 2000 Hz", param_hint="--rate")
     if web + (png is not None) + (connect is not None) > 1:
         raise typer.BadParameter("choose one of --web, --png, --connect")
+    if layout is not None:
+        _write_layouts(logs, layout, profile, save, force)
+        return
     viewer.check_version()
     if connect is not None:
         viewer.check_listening(connect)
@@ -65,6 +75,26 @@ def view(
             console.note(f"{note}")
         _show(shown, save, web, png, connect, folder, force)
     console.warn_losses([f"{log.path}: {loss}" for log in opened for loss in log.losses])
+
+
+def _write_layouts(
+    logs: list[Path], layout: str, profile: str | None, save: Path | None, force: bool
+) -> None:
+    """The layout of each log for another viewer."""
+    from roadlog.errors import ConfigError, near
+    from roadlog.files import output
+    from roadlog.log import DriveLog
+    from roadlog.view.others import ENDINGS, write_layout
+
+    if layout not in ENDINGS:
+        raise ConfigError(f"no layout for '{layout}'. {near(layout, ENDINGS)}")
+    if save is not None and len(logs) > 1:
+        raise typer.BadParameter("takes one LOG with --layout", param_hint="--save")
+    for path in logs:
+        target = save or path.with_name(f"{path.stem}{ENDINGS[layout]}")
+        with output(target, [path, profile], force=force):
+            write_layout(DriveLog(path, profile), layout, target)
+        console.say(str(target))
 
 
 def _show(

@@ -1,0 +1,83 @@
+"""Layouts for other viewers name topics and fields that the log has."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from typer.testing import CliRunner
+
+from roadlog.cli import app
+from roadlog.log import DriveLog
+from roadlog.signals import ANGLES
+
+
+@pytest.fixture
+def log(hill_log):
+    opened = DriveLog(hill_log)
+    opened.write([opened.estimate("kmbe")])
+    return opened
+
+
+def layout(log: DriveLog, viewer: str, ending: str) -> str:
+    done = CliRunner().invoke(app, ["view", str(log.path), "--layout", viewer])
+    assert done.exit_code == 0, done.output
+    path = log.path.with_name(f"hill{ending}")
+    assert str(path) in done.output
+    again = CliRunner().invoke(app, ["view", str(log.path), "--layout", viewer])
+    assert again.exit_code == 1  # it is there already
+    return path.read_text("utf-8") if ending != ".rbl" else str(path)
+
+
+def leaves(tree: object) -> list[str]:
+    if isinstance(tree, str):
+        return [tree]
+    assert isinstance(tree, dict)
+    assert set(tree) == {"first", "second", "direction", "splitPercentage"}
+    return leaves(tree["first"]) + leaves(tree["second"])
+
+
+def test_foxglove(log):
+    made = json.loads(layout(log, "foxglove", ".foxglove.json"))
+    assert set(made) == {"configById", "globalVariables", "userNodes", "playbackConfig", "layout"}
+    assert leaves(made["layout"]) == list(made["configById"])
+    grade = made["configById"]["Plot!grade"]
+    assert [path["value"] for path in grade["paths"]] == [
+        "/truth/angles.grade.@degrees",
+        "/estimates/kmbe/angles.grade.@degrees",
+    ]
+    topics = {channel.topic for channel in log.channels}
+    for panel in made["configById"].values():
+        for path in panel.get("paths", ()):
+            topic, angle, function = path["value"].split(".")
+            assert topic in topics
+            assert angle in ANGLES
+            assert function == "@degrees"
+
+
+def test_plotjuggler(log):
+    root = ElementTree.fromstring(layout(log, "plotjuggler", ".plotjuggler.xml"))
+    curves = {curve.get("name") for curve in root.iter("curve")}
+    sources = {s.get("name"): s.findtext("linked_source") for s in root.iter("snippet")}
+    assert curves == set(sources)
+    assert sources["kmbe/grade [deg]"] == "/estimates/kmbe/angles/grade"
+    (splitter,) = root.iter("DockSplitter")
+    assert int(splitter.get("count", 0)) == len(splitter) == splitter.get("sizes").count(";") + 1
+
+
+def test_rerun(log):
+    """The fields are those that Rerun's own loader makes of the log."""
+    chunk = pytest.importorskip("rerun.chunk")
+    path = layout(log, "rerun", ".rbl")
+    reader = chunk.McapReader(log.path, decoders=["protobuf"])
+    found = {
+        (part.entity_path, name)
+        for part in reader.stream()
+        for name in part.to_record_batch().schema.names
+        if ":" in name
+    }
+    assert ("/estimates/kmbe/angles", "roadlog.v1.RoadAngles:message") in found
+    text = Path(path).read_bytes()
+    assert text.startswith(b"RRF")
