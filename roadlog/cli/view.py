@@ -37,8 +37,7 @@ def view(
     layout: Annotated[
         str | None,
         typer.Option(
-            metavar="foxglove|plotjuggler|rerun",
-            help="Write a layout for LOG in that viewer (--save F, or beside it); open nothing.",
+            metavar="foxglove|plotjuggler|rerun", help="Only write a layout for that viewer."
         ),
     ] = None,
     names: Annotated[
@@ -58,10 +57,7 @@ def view(
     from roadlog.view import viewer
     from roadlog.view.model import drive_view
 
-    if not 0.1 <= rate <= 2000.0:
-        raise typer.BadParameter("must be between 0.1 and 2000 Hz", param_hint="--rate")
-    if web + (png is not None) + (connect is not None) > 1:
-        raise typer.BadParameter("choose one of --web, --png, --connect")
+    _check(rate, web, png, connect)
     if layout is not None:
         _write_layouts(logs, layout, profile, save, force)
         return
@@ -75,6 +71,14 @@ def view(
             console.note(f"{note}")
         _show(shown, save, web, png, connect, folder, force)
     console.warn_losses([f"{log.path}: {loss}" for log in opened for loss in log.losses])
+
+
+def _check(rate: float, web: bool, png: Path | None, connect: str | None) -> None:
+    """Raise BadParameter for what does not go together."""
+    if not 0.1 <= rate <= 2000.0:
+        raise typer.BadParameter("must be between 0.1 and 2000 Hz", param_hint="--rate")
+    if web + (png is not None) + (connect is not None) > 1:
+        raise typer.BadParameter("choose one of --web, --png, --connect")
 
 
 def _write_layouts(

@@ -18,6 +18,8 @@ from roadlog.storage.records import Damage, Schema
 from roadlog.storage.topics import Part, one_table
 from roadlog.types import Stamps
 
+FIRST = 10**10  # ns from the start of a bag, where a topic's first message is looked for
+
 
 class Batch(NamedTuple):
     """Messages of one connection: ns of recording, payloads."""
@@ -50,8 +52,11 @@ class Bag(ABC):
     start_ns: int | None = None
 
     @abstractmethod
-    def batches(self, connections: set[int]) -> Iterator[Batch]:
-        """Their messages in the order of the bag; what cannot be read becomes a loss."""
+    def batches(self, connections: set[int], end_ns: int | None = None) -> Iterator[Batch]:
+        """Their messages in the order of the bag; what cannot be read becomes a loss.
+
+        end_ns: those that follow need not come.
+        """
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -80,10 +85,8 @@ class Bag(ABC):
             if found.topic in wanted
         }  # fmt: skip
         if any(fields is None or fields.get(topic) for topic in wanted):
-            for batch in self.batches(set(columns)):
+            for batch in self.batches(set(columns), end_ns):
                 columns[batch.connection].add_payloads(batch.stamps, batch.payloads)
-                if end_ns is not None and int(batch.stamps.min()) >= end_ns:
-                    break
         parts: dict[str, list[Part]] = {topic: [] for topic in wanted}
         for number, found in columns.items():
             own = self.connections[number]
@@ -98,7 +101,7 @@ class Bag(ABC):
     def texts(self, topic: str) -> Mapping[str, str]:
         """Field path -> text, in the first message of a topic that can be read."""
         own = {n for n, c in self.connections.items() if c.topic == topic}
-        for batch in self.batches(own):
+        for batch in self.batches(own, (self.start_ns or 0) + FIRST):
             codec = self._codec(self.connections[batch.connection])
             with suppress(ValueError):
                 return codec.texts(batch.payloads[0]) if codec else {}

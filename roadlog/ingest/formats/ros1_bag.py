@@ -10,6 +10,7 @@ import bz2
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import takewhile
 from pathlib import Path
 
 from roadlog.errors import LogReadError
@@ -18,6 +19,7 @@ from roadlog.storage.records import Schema
 
 BEGINNINGS = (b"#ROSBAG V2.0\n", b"#ROSBAG V1.2\n")
 DEFINITION, MESSAGE, CHUNK, CONNECTION = 0x01, 0x02, 0x05, 0x07
+LATE = 10**9  # ns by which a message may follow one that is newer
 LARGEST = 1 << 30  # bytes of a record; a longer one is a damaged length
 DAMAGED = (struct.error, KeyError, ValueError, OSError, EOFError, RuntimeError)
 
@@ -47,8 +49,11 @@ class Ros1Bag(Bag):
         count = sum(c.count for c in self.connections.values())
         self.losses = [f"{loss}; the {count} messages before are kept" for loss in self.losses]
 
-    def batches(self, connections: set[int]) -> Iterator[Batch]:
+    def batches(self, connections: set[int], end_ns: int | None = None) -> Iterator[Batch]:
+        """As they come; a bag is recorded in order of time, but for a little."""
         rows = self._rows()
+        if end_ns is not None:
+            rows = takewhile(lambda row: row[1] < end_ns + LATE, rows)
         yield from collected(row for row in rows if row[0] in connections)
 
     def _rows(self) -> Iterator[tuple[int, int, bytes]]:

@@ -10,11 +10,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from shutil import copyfile
 
+import numpy as np
+
 from roadlog.errors import LogReadError, MissingExtraError
-from roadlog.ingest.formats.bags import Bag, Batch, Connection, collected
+from roadlog.ingest.formats.bags import Bag, Batch, Connection
 from roadlog.storage.records import Schema
 
-ROWS = 1 << 12  # fetched at once
+ROWS = 1 << 14  # fetched at once
+LAST = 2**63 - 1  # ns
 
 
 @dataclass
@@ -41,21 +44,20 @@ class SqliteBag(Bag):
         except sqlite3.Error as error:
             raise LogReadError(f"{self.path}: cannot be read as a ROS 2 bag: {error}") from error
 
-    def batches(self, connections: set[int]) -> Iterator[Batch]:
-        yield from collected(self._rows(connections))
-
-    def _rows(self, connections: set[int]) -> Iterator[tuple[int, int, bytes]]:
-        numbers = ", ".join(map(str, sorted(connections))) or "-1"
-        count = 0
+    def batches(self, connections: set[int], end_ns: int | None = None) -> Iterator[Batch]:
+        """Of one topic after another, each in the order of recording."""
+        count, end = 0, LAST if end_ns is None else end_ns
         try:
             with closing(self._connected()) as database:
-                cursor = database.execute(
-                    "SELECT topic_id, timestamp, data FROM messages "
-                    f"WHERE topic_id IN ({numbers}) ORDER BY timestamp, id"
-                )
-                while rows := cursor.fetchmany(ROWS):
-                    count += len(rows)
-                    yield from rows
+                for number in sorted(connections):
+                    cursor = database.execute(
+                        "SELECT timestamp, data FROM messages WHERE topic_id = ? AND timestamp < ?",
+                        [number, end],
+                    )
+                    while rows := cursor.fetchmany(ROWS):
+                        stamps, payloads = zip(*rows, strict=True)
+                        yield Batch(number, np.array(stamps, np.int64), payloads)
+                        count += len(rows)
         except sqlite3.Error as error:
             self._lose(f"it is damaged ({error}); the {count} messages before are kept")
 
