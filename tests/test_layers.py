@@ -28,7 +28,7 @@ LAYERS = (
     ("estimators", "simulate"),
     ("calibrate", "ingest"),
     ("log",),
-    ("summary", "export", "roadlog"),
+    ("summary", "export", "verify", "roadlog"),
     ("view", "reproduce", "doctor"),
     ("report",),
     ("cli",),

@@ -63,9 +63,10 @@ def _register() -> None:
     from roadlog.cli.road import road
     from roadlog.cli.simulate import scenarios, simulate
     from roadlog.cli.vehicle import vehicle
+    from roadlog.cli.verify import verify
     from roadlog.cli.view import view
 
-    using = (ingest, info, calibrate, estimate, evaluate, view, plot, report, road, export)
+    using = (ingest, info, verify, calibrate, estimate, evaluate, view, plot, report, road, export)
     making = (simulate, scenarios, estimators, reproduce, profiles, config, demo, doctor)
     for command in (*using, *making):
         app.command()(leveled(command))
