@@ -189,3 +189,18 @@ def test_a_group_that_cannot_be_decoded_does_not_take_the_others_with_it(tmp_pat
     result = ingest([mdf_bus(tmp_path / "x.mf4", groups, [])], profile, [dbc])
     assert {m.samples for m in result.mapped} == {60}
     assert any("0x6B (60)" in note for note in result.notes)
+
+
+@pytest.mark.parametrize("size", [40, COUNT])
+def test_ranges_between_whole_numbers_mean_the_same_for_few_and_many_samples(tmp_path, size):
+    values = np.tile([0.6, 1.2, 1.8, 2.4, 3.0], size // 5)
+    ranges = {
+        "lower_0": 0.5,
+        "upper_0": 2.5,
+        "text_0": "no signal",
+        "default_addr": {"a": 10.0, "b": 0.0},
+    }
+    path = write(tmp_path / "x.mf4", [channel(values, ranges, times=T[:size])])
+    table, result = speed(path)
+    np.testing.assert_allclose(table.columns["v"] * 3.6, 30.0)
+    assert result.mapped[0].invalid == size * 4 // 5
