@@ -109,7 +109,8 @@ def run(
     started = time.perf_counter()
     with compiling(estimator.name) as compiled:
         made = estimator.run(drive, vehicle, params, engine)
-    estimate = estimator.doubted(estimator.with_systematic(made).bounded(), drive, faults)
+    estimate = estimator.with_systematic(made, drive, vehicle).bounded()
+    estimate = estimator.doubted(estimate, drive, faults)
     return dataclasses.replace(
         estimate,
         name=estimator.name,

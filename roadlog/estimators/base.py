@@ -16,12 +16,15 @@ from roadlog.drive import Drive
 from roadlog.errors import ConfigError, near
 from roadlog.estimate import Estimate
 from roadlog.filters import ENGINES, Engine
+from roadlog.motion.rest import gravity_error
 from roadlog.signals import FLAGS
 from roadlog.types import Floats
+from roadlog.units import STANDARD_GRAVITY as G
 
 if TYPE_CHECKING:
     from roadlog.checks.finding import Finding
 
+LOOSE_MOUNTING = np.radians(1.0)  # rad, of an IMU put in straight by the eye
 ANY_SPEED = "speed"  # needs: any of wheel_speeds, speed, gnss.speed
 
 
@@ -40,8 +43,9 @@ class Estimator:
     sample of the future in its default parameters.
     systematic_deg: angle -> one sd of what the method's own formula does not know (the sensor's
     offset, its mounting, the body's motion), added in quadrature;
-    docs/methods/common.md#systematic-standard-deviations. reference: the paper, and where its
-    equations stand.
+    docs/methods/common.md#systematic-standard-deviations. tilted: angles that a bias or the
+    mounting of the IMU shifts as a whole: by what the stops and the vehicle file say of them.
+    reference: the paper, and where its equations stand.
     """
 
     name: str
@@ -55,6 +59,7 @@ class Estimator:
     vehicle: tuple[str, ...] = ()
     helped: tuple[str, ...] = ()
     systematic_deg: Mapping[str, float] = field(default_factory=dict)
+    tilted: tuple[str, ...] = ()
 
     def missing(self, drive: Drive | None) -> list[str]:
         """The needs that the drive does not meet; all of them where there is no drive."""
@@ -90,12 +95,15 @@ class Estimator:
             notes=[*estimate.notes, *(f"not valid: {fault.short}" for fault in spoiling)],
         )
 
-    def with_systematic(self, estimate: Estimate) -> Estimate:
-        """The estimate with `systematic_deg` in its standard deviations."""
-        sd = {
-            angle: np.hypot(values, np.radians(self.systematic_deg.get(angle, 0.0)))
-            for angle, values in estimate.sd.items()
-        }
+    def with_systematic(self, estimate: Estimate, drive: Drive, vehicle: Vehicle) -> Estimate:
+        """The estimate with what no formula of the method knows in its standard deviations."""
+        tilt = gravity_error(drive) / G if self.tilted else 0.0
+        if self.tilted and not vehicle.states_mounting:
+            tilt = np.hypot(tilt, LOOSE_MOUNTING)
+        sd = {}
+        for angle, values in estimate.sd.items():
+            own = np.radians(self.systematic_deg.get(angle, 0.0))
+            sd[angle] = np.hypot(values, np.hypot(own, tilt) if angle in self.tilted else own)
         return dataclasses.replace(estimate, sd=sd)
 
     def configure(self, settings: Mapping[str, Any]) -> Any:

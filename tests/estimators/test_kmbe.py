@@ -69,7 +69,7 @@ def test_speed_gap_of_two_seconds_is_bridged() -> None:
     columns = {name: values[keep] for name, values in wheels.columns.items()}
     tables[1] = table("wheel_speeds", wheels.time[keep], columns)
     drive = Drive.from_tables(tables)
-    estimate = estimators.run("kmbe", drive, RIGID, {"smooth": False})
+    estimate = estimators.run("kmbe", drive, RIGID.with_stated_mounting(), {"smooth": False})
     gap = (drive.time > 31.5) & (drive.time < 32)
     before = (drive.time > 28) & (drive.time < 30)
     assert estimate.grade_sd[gap].min() > 1.5 * estimate.grade_sd[before].max()

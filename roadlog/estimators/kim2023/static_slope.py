@@ -160,4 +160,5 @@ STATIC_SLOPE = Estimator(
     reference="Kim 2023, eqs. (7)-(17); docs/methods/kim2023.md#windows",
     summary="pitch of the standing body from dead reckoning at stops, in reverse time too",
     systematic_deg={"grade": 0.45, "pitch": 0.4, "inclination": 0.45, "roll_total": 0.45},
+    tilted=("grade", "pitch", "inclination", "roll_total"),
 )

@@ -19,6 +19,7 @@ from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
 from roadlog.filters import Engine
 from roadlog.filters.gaps import age, hold
 from roadlog.filters.kalman import LinearModel, kalman_filter, rts_smoother
+from roadlog.motion.imu_noise import ImuNoise
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -54,10 +55,13 @@ def kmbe(drive: Drive, vehicle: Vehicle, params: KmbeParameters, engine: Engine)
     speed = drive.speed if params.variant == "paper" else road_speed(drive, vehicle)
     since_speed = age(np.isfinite(speed)) * drive.dt
     runnable = np.isfinite(force) & (since_speed <= params.gap_time)
+    accel_noise = params.accel_noise
+    if params.variant == "corrected" and "imu" in drive.native:
+        accel_noise = float(np.hypot(accel_noise, ImuNoise.of(drive.native["imu"]).accel[0]))
     n = len(drive)
     sine, sd, started = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.inf)
     for run in runs(runnable):
-        model = _model(force[run], speed[run], drive.dt, params)
+        model = _model(force[run], speed[run], drive.dt, params, accel_noise)
         track = kalman_filter(model, engine)
         if params.smooth:
             track = rts_smoother(model, track, engine)
@@ -87,14 +91,16 @@ def _kinematic_acceleration(drive: Drive, vehicle: Vehicle, params: KmbeParamete
     return force.x * (1 - G * vehicle.pitch_gain) + turning
 
 
-def _model(force: Floats, speed: Floats, dt: float, params: KmbeParameters) -> LinearModel:
+def _model(
+    force: Floats, speed: Floats, dt: float, params: KmbeParameters, accel_noise: float
+) -> LinearModel:
     known = np.flatnonzero(np.isfinite(speed))
     first = speed[known[0]] if len(known) else 0.0
     return LinearModel(
         x0=np.array([first, 0.0]),
         P0=np.diag([1.0, (params.initial_grade_sd * G) ** 2]),
         F=np.array([[[1.0, -dt], [0.0, 1.0]]]),
-        Q=np.diag([params.accel_noise**2 * dt, (G * params.grade_noise) ** 2 * dt])[None],
+        Q=np.diag([accel_noise**2 * dt, (G * params.grade_noise) ** 2 * dt])[None],
         H=np.array([[[1.0, 0.0]]]),
         R=np.array([[params.speed_sd**2]]),
         u=np.stack([force * dt, np.zeros(len(force))], axis=1),
@@ -120,4 +126,5 @@ KMBE = Estimator(
     ),
     helped=("imu", "steering"),
     systematic_deg={"grade": 0.35},
+    tilted=("grade",),
 )

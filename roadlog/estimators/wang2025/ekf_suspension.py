@@ -171,4 +171,5 @@ EKF_SUSPENSION = Estimator(
     summary="grade and pitch by a Kalman smoother with the suspension's pitch; straight driving",
     vehicle=("mass", "cg_height", "pitch_gradient", "pitch_inertia", "drag_area"),
     systematic_deg={"grade": 0.4, "pitch": 0.08, "inclination": 0.4},
+    tilted=("grade", "inclination"),
 )

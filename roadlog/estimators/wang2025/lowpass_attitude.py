@@ -100,4 +100,5 @@ LOWPASS_ATTITUDE = Estimator(
     gives=("inclination",),
     reference="Wang 2025; docs/methods/wang2025.md#baselines",
     summary="low-passed inclination from acceleration minus dv/dt; straight driving",
+    tilted=("inclination",),
 )

@@ -87,4 +87,5 @@ LS_ATTITUDE = Estimator(
     reference="Wang 2025; docs/methods/wang2025.md#baselines",
     summary="inclination as the mean over 6 s of acceleration minus dv/dt; straight driving",
     systematic_deg={"inclination": 0.45},
+    tilted=("inclination",),
 )
