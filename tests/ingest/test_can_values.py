@@ -321,3 +321,10 @@ def test_two_senders_are_offered_by_profile_new(tmp_path):
     assert 'from = "CCVS1@0x00.WheelBasedVehicleSpeed"' in text
     assert "# or: CCVS1@0x0B.WheelBasedVehicleSpeed" in text
     assert len(ingest([path], Profile.from_toml(text, "new"), [dbc]).tables[0]) == 100
+
+
+def test_pages_without_end_are_refused(tmp_path):
+    path = tmp_path / "car.dbc"
+    path.write_text(NESTED.replace("2-2;", "0-4294967295;"))
+    with pytest.raises(LogReadError, match="pages 0-4294967295"):
+        can.load([path])

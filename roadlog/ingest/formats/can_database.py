@@ -16,6 +16,9 @@ FURTHEST = 8 * 65536  # bits; a message of a bus, put together of many frames, i
 ANY_SOURCE = 0xFE  # SAE J1939-81: the null address, with which databases write "of any sender"
 DESTINED = 240  # SAE J1939-21: below this PDU format the next byte is the receiver's address
 _BITS = re.compile(rb"(?<=:)\s*(\d{1,30})\s*\|\s*(\d{1,30})\s*(?=@)")  # of a signal: start|length
+_PAGES = re.compile(rb"^SG_MUL_VAL_[^\n;]*", re.MULTILINE)
+_RANGE = re.compile(rb"(\d{1,30})\s*-\s*(\d{1,30})")
+MOST_PAGES = 1 << 20
 _PER_BUS = re.compile(r"(\w+)=(.+)")
 
 
@@ -83,8 +86,14 @@ def load(paths: Sequence[Path]) -> list[Known]:
 
 
 def _bounded(path: Path) -> None:
-    """Refuse bits far outside of any message: cantools would take memory for all before them."""
-    for match in _BITS.finditer(path.read_bytes()):
+    """Refuse bits far outside of any message, and pages without end: cantools lists them all."""
+    text = path.read_bytes()
+    for pages in _PAGES.finditer(text):
+        for low, high in _RANGE.findall(pages[0]):
+            if int(high) - int(low) > MOST_PAGES:
+                said = f"{int(low)}-{int(high)}"
+                raise LogReadError(f"{path}: cannot be read as a DBC file: pages {said}")
+    for match in _BITS.finditer(text):
         if int(match[1]) > FURTHEST or int(match[2]) > FURTHEST:
             said = match[0].decode("ascii")
             raise LogReadError(f"{path}: cannot be read as a DBC file: a signal at bits {said}")
