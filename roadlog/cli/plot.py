@@ -25,29 +25,42 @@ def plot(
         list[str] | None,
         typer.Option("-e", "--estimator", metavar="NAME", help="Only this one; repeatable."),
     ] = None,
+    over: Annotated[
+        str, typer.Option(metavar="time|distance", help="What the angles are drawn over.")
+    ] = "time",
+    first: Annotated[
+        float | None, typer.Option("--from", metavar="S|M", help="Draw from here on.")
+    ] = None,
+    last: Annotated[
+        float | None, typer.Option("--to", metavar="S|M", help="Draw up to here.")
+    ] = None,
     force: console.Force = False,
 ) -> None:
     """Draw angles against truth with ±2 sd bands, and errors.
 
     Without -e the three most prominent estimators of each angle are drawn.
 
-    Example: roadlog plot drive.mcap -e fusion -e kmbe -o grade.svg
+    Example: roadlog plot drive.mcap -e fusion --over distance --from 500 --to 900 -o grade.svg
     """
     from roadlog.files import output
     from roadlog.log import DriveLog
-    from roadlog.view.figure import SUFFIXES, write_figure
+    from roadlog.view.figure import SUFFIXES, Part, write_figure
     from roadlog.view.model import drive_view
 
     if out.suffix.lower() not in SUFFIXES:
         raise typer.BadParameter(
             f"{out}: must end in {', '.join(SUFFIXES)}", param_hint="'-o' / '--out'"
         )
+    if over not in ("time", "distance"):
+        raise typer.BadParameter("must be time or distance", param_hint="--over")
+    part = Part("distance" if over == "distance" else "time", first, last)
     with output(out, [*logs, profile], force=force):
         opened = [DriveLog(path, profile) for path in logs]
         shown = drive_view(opened, names or ())
         for note in shown.notes:
-            console.note(f"{note}")
-        write_figure(shown, out)
+            console.note(note)
+        write_figure(shown, out, part)
     drawn = {name for labels in shown.shown.values() for name in labels}
-    console.say(f"{out}: {', '.join(name for name in shown.estimators if name in drawn)}")
+    names_drawn = ", ".join(name for name in shown.estimators if name in drawn)
+    console.say(f"{out}: {names_drawn or 'the truth alone; no estimates are in the log'}")
     console.warn_losses([f"{log.path}: {loss}" for log in opened for loss in log.losses])

@@ -1,16 +1,20 @@
-"""The angles and their errors as one figure on paper (matplotlib)."""
+"""The angles and their errors as one figure on paper (matplotlib), over time or distance."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from roadlog.drive import runs
 from roadlog.errors import LogReadError
 from roadlog.files import replacing
+from roadlog.types import Bools, Floats
 from roadlog.view import colors
-from roadlog.view.model import Curve, DriveView
+from roadlog.view.model import Curve, DriveView, Inputs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,13 +24,50 @@ SUFFIXES = (".png", ".svg", ".pdf")
 WIDTH, ROW = 11.0, 2.1  # inches
 DPI = 150  # of a png
 BAND = 0.18  # opacity
+BAND_ROOM = 2.4  # of the median sd, that an error axis reaches: the band's edges are seen
 MANY = 20_000  # samples, above which an svg or pdf holds the curves as a picture
 
 
-def write_figure(view: DriveView, path: Path) -> None:
+@dataclass(frozen=True)
+class Part:
+    """What a figure shows: over time (s) or distance (m), from first to last; None = all."""
+
+    over: Literal["time", "distance"] = "time"
+    first: float | None = None
+    last: float | None = None
+
+    @property
+    def label(self) -> str:
+        """Of the axis."""
+        return "time [s]" if self.over == "time" else "distance [m]"
+
+    def of(self, curve: Curve | Inputs) -> Floats:
+        """Abscissas of a curve. Raises LogReadError where the log tells no distance."""
+        if self.over == "time":
+            return curve.time
+        if curve.distance is None:
+            raise LogReadError("the log has no speed, so no distance; draw it over time")
+        return curve.distance
+
+    def inside(self, curve: Curve | Inputs) -> Bools:
+        """The samples of a curve that are shown."""
+        x = self.of(curve)
+        shown = np.ones(len(x), np.bool_)
+        if self.first is not None:
+            shown &= x >= self.first
+        if self.last is not None:
+            shown &= x <= self.last
+        return shown
+
+
+WHOLE = Part()
+PANELS = {"speed": "speed [m/s]", "altitude": "altitude [m]"}  # inputs shown below the angles
+
+
+def write_figure(view: DriveView, path: Path, part: Part = WHOLE) -> None:
     """Write angles (left) and errors (right), one row an angle, with ±2 sd bands.
 
-    Raises LogReadError when the log has no angle to draw, LogWriteError.
+    Raises LogReadError when the log has no angle to draw in that part, LogWriteError.
     """
     import matplotlib
 
@@ -36,46 +77,39 @@ def write_figure(view: DriveView, path: Path) -> None:
         )
     # the same log gives the same bytes: no random ids, no date; text in an svg stays text
     with matplotlib.rc_context({"svg.hashsalt": "roadlog", "svg.fonttype": "none"}):
-        figure = angle_figure(view)
+        figure = angle_figure(view, part)
         kind = path.suffix.lower()[1:]
         date = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
         with replacing(path) as file:
             figure.savefig(file, format=kind, dpi=DPI, metadata=date)
 
 
-def angle_figure(view: DriveView) -> Figure:
+def angle_figure(view: DriveView, part: Part = WHOLE) -> Figure:
     """The figure itself, for notebooks."""
     from matplotlib.figure import Figure
 
     angles = list(view.ranges)
+    panels = [name for name in PANELS if view.inputs.get(name)]
     columns = 2 if view.errors else 1
-    figure = Figure(figsize=(WIDTH, 0.9 + ROW * len(angles)), layout="constrained")
-    axes = figure.subplots(len(angles), columns, sharex=True, squeeze=False)
+    rows = len(angles) + len(panels)
+    figure = Figure(figsize=(WIDTH, 1.1 + ROW * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, sharex=True, squeeze=False)
+    axes[0, 0].set_title(f"{view.name}: estimates with their ±2 sd", loc="left", fontsize=10)
     color = {k: f"#{v:06x}" for k, v in colors.colors(view.estimators).items()}
     drawn: dict[str, Any] = {}
-    for row, angle in zip(axes, angles, strict=True):
-        for name, curve in view.truth.get(angle, {}).items():
-            gray = f"#{colors.TRUTH:06x}"
-            drawn[name] = row[0].plot(curve.time, curve.values, color=gray, lw=2.5)[0]
-        for name in reversed(view.shown.get(angle, ())):  # the most prominent one lies on top
-            curve = view.estimates[angle][name]
-            drawn[name] = row[0].plot(curve.time, curve.values, color=color[name], lw=1.0)[0]
-            _band(row[0], curve, curve.values, color[name])
-        _finish(row[0], f"{angle} [°]", view.ranges[angle])
+    for row, angle in zip(axes, angles, strict=False):
+        drawn |= _angle(row[0], view, angle, part, color)
         if angle in view.errors:
-            for name in reversed(view.shown[angle]):
-                if name in view.errors[angle]:
-                    error = view.errors[angle][name]
-                    row[1].plot(error.time, error.values, color=color[name], lw=1.0)
-                    _band(
-                        row[1], error, np.where(np.isfinite(error.values), 0, np.nan), color[name]
-                    )
-            _finish(row[1], f"{angle} error [°]", view.error_ranges[angle])
+            _errors(row[1], view, angle, part, color)
         elif columns == 2:
             row[1].set_axis_off()
+    for row, panel in zip(axes[len(angles) :], panels, strict=True):
+        _panel(row[0], view, panel, part)
+        for axis in row[1:]:
+            axis.set_axis_off()
     for column in axes.T:  # the lowest that is drawn has the axis of time
         lowest = [axis for axis in column if axis.axison][-1]
-        lowest.set_xlabel("time [s]")
+        lowest.set_xlabel(part.label)
         lowest.tick_params(labelbottom=True)
     labels = [name for name in ("truth", *drawn) if name in drawn]
     labels = list(
@@ -91,17 +125,94 @@ def angle_figure(view: DriveView) -> Figure:
     return figure
 
 
-def _band(axis: Axes, curve: Curve, center: Any, color: str) -> None:
+def _angle(
+    axis: Axes, view: DriveView, angle: str, part: Part, color: dict[str, str]
+) -> dict[str, Any]:
+    """Truth and estimates of one angle; name -> what the legend shows."""
+    drawn: dict[str, Any] = {}
+    for name, curve in view.truth.get(angle, {}).items():
+        gray, at = f"#{colors.TRUTH:06x}", part.inside(curve)
+        drawn[name] = axis.plot(part.of(curve)[at], curve.values[at], color=gray, lw=2.5)[0]
+    for name in reversed(view.shown.get(angle, ())):  # the most prominent one lies on top
+        curve = view.estimates[angle][name]
+        at = part.inside(curve)
+        drawn[name] = axis.plot(part.of(curve)[at], curve.values[at], color=color[name], lw=1.0)[0]
+        _band(axis, curve, curve.values, color[name], part)
+        _hatch(axis, curve, part)
+    _finish(axis, f"{angle} [°]", view.ranges[angle])
+    if angle == "grade":
+        axis.secondary_yaxis("right", functions=(_percent, _degrees)).set_ylabel("grade [%]")
+    return drawn
+
+
+def _errors(axis: Axes, view: DriveView, angle: str, part: Part, color: dict[str, str]) -> None:
+    """Errors of one angle about their bands, and their RMSE in words."""
+    said, widths = [], []
+    for name in reversed(view.shown[angle]):
+        if name not in view.errors[angle]:
+            continue
+        error = view.errors[angle][name]
+        at = part.inside(error)
+        axis.plot(part.of(error)[at], error.values[at], color=color[name], lw=1.0)
+        _band(axis, error, np.where(np.isfinite(error.values), 0, np.nan), color[name], part)
+        if error.sd is not None and np.isfinite(error.sd[at]).any():
+            widths.append(BAND_ROOM * float(np.nanmedian(error.sd[at])))
+        known = error.values[at & np.isfinite(error.values)]
+        if len(known):
+            said.append(f"{name} RMSE {np.sqrt(np.mean(known**2)):.2f}°, sd {np.std(known):.2f}°")
+    axis.set_title("; ".join(reversed(said)), loc="left", fontsize=8)
+    low, high = view.error_ranges[angle]
+    widest = max(widths, default=0.0)
+    _finish(axis, f"{angle} error [°]", (min(low, -widest), max(high, widest)))
+
+
+def _panel(axis: Axes, view: DriveView, panel: str, part: Part) -> None:
+    """A signal that explains the angles: the first one known of each log."""
+    for inputs in view.inputs[panel].values():
+        known = np.isfinite(inputs.values).any(axis=0)
+        at = part.inside(inputs)
+        values = inputs.values[:, int(np.argmax(known))]
+        axis.plot(part.of(inputs)[at], values[at], color="#5f6368", lw=1.0)
+    axis.set_ylabel(PANELS[panel])
+    _plain(axis)
+
+
+def _hatch(axis: Axes, curve: Curve, part: Part) -> None:
+    """Spans without a valid value."""
+    x, missing = part.of(curve), part.inside(curve) & ~np.isfinite(curve.values)
+    for run in runs(missing):
+        if x[run][-1] - x[run][0] > 0:
+            axis.axvspan(
+                x[run][0], x[run][-1], facecolor="none", edgecolor="#9aa0a6", hatch="///", lw=0,
+                alpha=0.35,
+            )  # fmt: skip
+
+
+def _percent(degrees: ArrayLike) -> Floats:
+    return 100 * np.tan(np.radians(np.asarray(degrees, np.float64)))
+
+
+def _degrees(percent: ArrayLike) -> Floats:
+    return np.degrees(np.arctan(np.asarray(percent, np.float64) / 100))
+
+
+def _band(axis: Axes, curve: Curve, center: Any, color: str, part: Part) -> None:
     if curve.sd is not None:
-        low, high = center - 2 * curve.sd, center + 2 * curve.sd
+        at = part.inside(curve)
+        low, high = (center - 2 * curve.sd)[at], (center + 2 * curve.sd)[at]
         axis.fill_between(
-            curve.time, low, high, color=color, alpha=BAND, lw=0, rasterized=len(low) > MANY
-        )
+            part.of(curve)[at], low, high, color=color, alpha=BAND, lw=0,
+            rasterized=len(low) > MANY,
+        )  # fmt: skip
 
 
 def _finish(axis: Axes, label: str, limits: tuple[float, float]) -> None:
     axis.set_ylabel(label)
     axis.set_ylim(*limits)
+    _plain(axis)
+
+
+def _plain(axis: Axes) -> None:
     axis.grid(True, lw=0.4, alpha=0.5)
     axis.margins(x=0)
     for side in ("top", "right"):

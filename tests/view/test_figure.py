@@ -17,7 +17,7 @@ from roadlog import view as roadlog_view
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.log import DriveLog
 from roadlog.view import colors
-from roadlog.view.figure import angle_figure, write_figure
+from roadlog.view.figure import Part, angle_figure, write_figure
 from roadlog.view.model import drive_view
 
 
@@ -34,6 +34,23 @@ def test_figure_draws_what_the_view_holds(log: DriveLog) -> None:
     (band,) = error.collections
     assert_allclose(np.ptp(band.get_paths()[0].vertices[:, 1]), 4 * np.degrees(SD), atol=1e-9)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["truth", "kmbe"]
+
+
+def test_figure_over_a_part_of_the_distance(log: DriveLog) -> None:
+    view = drive_view(log, ["kmbe"])
+    distance = view.estimates["grade"]["kmbe"].distance
+    assert distance is not None
+    first, last = np.percentile(distance, [20, 60])
+    figure = angle_figure(view, Part("distance", first, last))
+    line = figure.axes[0].get_lines()[-1]
+    x = line.get_xdata()
+    assert first <= x.min() <= x.max() <= last
+    inside = (distance >= first) & (distance <= last)
+    assert_allclose(line.get_ydata(), view.estimates["grade"]["kmbe"].values[inside])
+    assert "distance [m]" in {axis.get_xlabel() for axis in figure.axes}
+    assert "kmbe RMSE" in figure.axes[1].get_title(loc="left")
+    low, high = figure.axes[1].get_ylim()  # the band's edges are seen
+    assert low < -2 * np.degrees(SD) < 2 * np.degrees(SD) < high
 
 
 @pytest.mark.parametrize(
