@@ -19,11 +19,12 @@ def rotation(mount: Any, where: str) -> Floats:
 
     Axes: `{forward = "+x", left = "-z"}` says which sensor axis points where; up follows.
     rpy_deg: roll, pitch and yaw of the sensor in the vehicle, R = Rz(yaw) Ry(pitch) Rx(roll).
-    Raises ConfigError.
+    drafted: beside a matrix, by `profile new` from a drive, good to a degree or two. Raises
+    ConfigError.
     """
     if not isinstance(mount, dict):
         raise ConfigError(f"{where}: mount must be a table {{ forward = ..., left = ... }}")
-    keys = set(mount)
+    keys = set(mount) - {"drafted"}
     if keys == {"matrix"}:
         try:
             matrix = np.array(mount["matrix"], np.float64)

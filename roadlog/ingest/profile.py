@@ -151,7 +151,7 @@ class Profile:
                 if section != "imu":
                     raise ConfigError(f"{here}: only [imu] has a mount")
                 mounts[section] = rotation(mount, here)
-                measured = not {"matrix", "rpy_deg"}.isdisjoint(mount)
+                measured = not {"matrix", "rpy_deg"}.isdisjoint(mount) and "drafted" not in mount
             fields = SECTIONS[section].fields
             for key in table:
                 _known(key, fields, f"{here}: unknown signal '{key}'")

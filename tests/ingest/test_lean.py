@@ -9,6 +9,7 @@ from support.phone_drive import FLAT, PhoneDrive
 
 from roadlog.drive import Drive
 from roadlog.ingest.drafting.lean import mounting
+from roadlog.ingest.profile import Profile
 from roadlog.motion.evidence import Evidence
 
 DRIVE = PhoneDrive(200)
@@ -39,5 +40,9 @@ def test_the_mounting_of_a_leaning_phone_is_found_to_two_degrees(lean):
     found = mounting(Evidence.of(Drive.from_tables(tables)))
     assert found is not None
     assert found.matrix is not None
+    text = f'[imu]\nmount = {found.toml}\naccel_x = {{ from = "x", unit = "g" }}\n'
+    profile = Profile.from_toml(text, "drafted")
+    assert not profile.measured  # good to a degree or two: fusion finds the rest
+    assert profile.mounts["imu"] == pytest.approx(found.matrix, abs=1e-4)
     left = found.matrix @ lies
     assert np.degrees(np.arccos((np.trace(left) - 1) / 2)) < 2.0

@@ -36,7 +36,7 @@ class Mounting:
     def toml(self) -> str:
         """The matrix as a profile says it."""
         rows = [] if self.matrix is None else np.round(self.matrix, 4).tolist()
-        return f"{{ matrix = {rows} }}"
+        return f"{{ matrix = {rows}, drafted = true }}"
 
 
 def mounting(evidence: Evidence) -> Mounting | None:
