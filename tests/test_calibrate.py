@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from support.drives import Run, antenna_apart, hill_tables, table
+from support.drives import Run, antenna_apart, hill_tables, simulated, table
 from support.turned_imu import IMU_DELAY, away, turned
 
 from roadlog import estimators
@@ -24,7 +24,6 @@ from roadlog.ingest.profile import Profile
 from roadlog.log import DriveLog, create
 from roadlog.metrics import angle_errors, angle_metrics
 from roadlog.rotation import to_vector
-from roadlog.simulate import simulate
 from roadlog.storage import Table
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -73,7 +72,7 @@ def test_a_full_car_in_curves() -> None:
     rotation = Rotation.random(random_state=7).as_matrix()
     car = Vehicle.preset("wagon").with_values(mass=1500.0, driven="front")
     place = (0.4, -0.3, 0.1)
-    simulation = simulate(
+    simulation = simulated(
         "luo2024-s3",
         seed=5,
         vehicle=car,
@@ -108,7 +107,7 @@ def test_a_full_car_in_curves() -> None:
 def test_an_antenna_elsewhere_does_not_turn_the_imu(ahead: float) -> None:
     """On a circle its course is off by its distance ahead of the IMU over the radius: 1.5 deg."""
     overrides = antenna_apart(ahead)
-    simulation = simulate("ryu2004-laps-var", seed=11, full=True, overrides=overrides)
+    simulation = simulated("ryu2004-laps-var", seed=11, full=True, overrides=overrides)
     rotation = Rotation.random(random_state=12).as_matrix()
     drive = Drive.from_tables(turned(simulation.tables, rotation))
     found = calibrate({"laps": drive}, Vehicle())
@@ -123,7 +122,7 @@ def test_slalom_tells_the_roll_gradient() -> None:
     """Within 2 % of what the truth's own roll says: more than the data sheet's, which is of slow
     circles; the car leans further in a slalom.
     """
-    simulation = simulate("ryu2004-slalom", seed=3)
+    simulation = simulated("ryu2004-slalom", seed=3)
     rotation = Rotation.random(random_state=8).as_matrix()
     drive = Drive.from_tables(turned(simulation.tables, rotation))
     finding = calibrate({"slalom": drive}, Vehicle()).findings["roll_gradient"]
@@ -142,7 +141,7 @@ def test_mass_and_rolling_resistance_from_torques() -> None:
     """In town, where the engine's inertia in low gears counts as 3 to 6 % of the car."""
     car = Vehicle.preset("wagon").with_values(mass=1500.0)
     overrides = {"can.drive_gain": 1.0, "imu.accel_bias": (0.03, 0.0, 0.0), "duration": 150.0}
-    simulation = simulate("city", seed=3, vehicle=car, overrides=overrides)
+    simulation = simulated("city", seed=3, vehicle=car, overrides=overrides)
     sheet = Vehicle().with_values(
         wheel_radius=car.wheel_radius, final_drive=car.final_drive, engine_inertia=0.18
     )
@@ -193,7 +192,7 @@ def reversed_accelerations(tables: list[Table]) -> list[Table]:
 
 def test_gravity_for_specific_force_is_refused(roadlog: Run, tmp_path: Path) -> None:
     """However it is mounted; as long as the track or the wheels tell left from right."""
-    simulation = simulate("city", seed=4, overrides={"duration": 100.0})
+    simulation = simulated("city", seed=4, overrides={"duration": 100.0})
     tables = turned(simulation.tables, Rotation.random(random_state=3).as_matrix())
     for source in ("/gnss", "/wheel_speeds"):
         kept = [t for t in tables if t.topic in ("/imu", source)]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from support.drives import simulated
 from support.turned_imu import IMU_DELAY, away, turned
 
 from roadlog.calibrate import calibrate
@@ -12,7 +13,7 @@ from roadlog.car.suspension import PITCH_MODE, ROLL_MODE
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.filters.lowpass import band_pass, second_order
-from roadlog.simulate import Simulation, simulate
+from roadlog.simulate import Simulation
 from roadlog.units import STANDARD_GRAVITY as G
 
 TRIALS = 40
@@ -62,7 +63,7 @@ def trial(k: int) -> tuple[Simulation, dict[str, float]]:
     road, duration = ROADS[k % len(ROADS)]
     if duration:
         overrides["duration"] = duration
-    simulation = simulate(road, seed=500 + k, full=True, vehicle=car, overrides=overrides)
+    simulation = simulated(road, seed=500 + k, full=True, vehicle=car, overrides=overrides)
     hidden = {
         "speed_delay": latency - IMU_DELAY,
         "gnss_delay": late - IMU_DELAY,

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from support.drives import simulated
 
 from roadlog import checks
-from roadlog.simulate import simulate
 from roadlog.storage import Table
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -22,7 +22,7 @@ WHEELS = ["fl", "fr", "rl", "rr"]
 @pytest.fixture(scope="module")
 def drive() -> Tables:
     """Five minutes over a pass with every sensor, and /speed beside the wheels."""
-    tables = {t.topic: t for t in simulate("mountain", seed=3).tables}
+    tables = {t.topic: t for t in simulated("mountain", seed=3).tables}
     tables = {topic: t for topic, t in tables.items() if not topic.startswith("/truth/")}
     wheels = tables["/wheel_speeds"]
     mean = np.mean([wheels.columns[w] for w in WHEELS], axis=0)
@@ -194,5 +194,5 @@ def test_a_right_drive_passes(drive):
     ],
 )
 def test_simulated_drives_give_no_false_alarm(scenario, options):
-    tables = {t.topic: t for t in simulate(scenario, seed=5, **options).tables}
+    tables = {t.topic: t for t in simulated(scenario, seed=5, **options).tables}
     assert [str(f) for f in checks.check(tables) if f.level == "fault"] == []

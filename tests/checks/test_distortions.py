@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 from support.distortions import HARMLESS, distorted
+from support.drives import simulated
 
 from roadlog import checks
-from roadlog.simulate import simulate
 from roadlog.storage import Table
 
 LENGTH = 130e9  # ns
@@ -50,7 +50,7 @@ EXPECTED = {  # check that names it
 @pytest.fixture(scope="module")
 def tables() -> list[Table]:
     """Two minutes over a pass, with every sensor."""
-    whole = [t for t in simulate("mountain", seed=1).tables if not t.topic.startswith("/truth")]
+    whole = [t for t in simulated("mountain", seed=1).tables if not t.topic.startswith("/truth")]
     start = min(int(table.time[0]) for table in whole)
     return [cut(table, table.time - start < LENGTH) for table in whole]
 

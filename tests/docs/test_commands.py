@@ -9,11 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.drives import ROOT, hill_tables
+from support.drives import ROOT, hill_tables, simulated
 
 from roadlog.cli import app
 from roadlog.log import create
-from roadlog.simulate import simulate
 
 BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
 # what a command of the documentation holds -> where that is tried instead
@@ -59,7 +58,7 @@ def hill(path: Path) -> None:
 def csv(path: Path) -> None:
     """A minute of curves, as a logger of few words writes it."""
     path.parent.mkdir(exist_ok=True)
-    tables = {table.topic: table for table in simulate("luo2024-s3b").tables}
+    tables = {table.topic: table for table in simulated("luo2024-s3b").tables}
     imu, wheels, truth = (tables[t] for t in ("/imu", "/wheel_speeds", "/truth/angles"))
     v = np.interp(imu.time, wheels.time, wheels.columns["rl"])
     grade = np.interp(imu.time, truth.time, truth.columns["grade"])
@@ -92,7 +91,7 @@ def drives() -> None:
 def week() -> None:
     """Three drives of one car."""
     for seed, day in enumerate(("monday", "tuesday", "wednesday")):
-        made = simulate("luo2024-s3b", seed=seed)
+        made = simulated("luo2024-s3b", seed=seed)
         create(Path(f"{day}.mcap"), made.tables, made.metadata, made.vehicle)
 
 

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
+from support.drives import simulated
 
 from roadlog import estimators
 from roadlog.car.driveline import free_wheel_speed
@@ -20,7 +21,6 @@ from roadlog.estimators.ryu2004 import roll_bank_obs as observer
 from roadlog.estimators.ryu2004.total_roll import total_roll
 from roadlog.filters.discretize import zero_order_hold
 from roadlog.signals import FLAGS
-from roadlog.simulate import simulate
 
 pytestmark = pytest.mark.slow
 SKIP = 500  # samples: the first five seconds are left out
@@ -31,7 +31,7 @@ RAMPS = pytest.mark.parametrize("name", ["luo2024-s1", "luo2024-s2", "luo2024-s3
 @cache
 def scenario(name: str, ideal: bool) -> tuple[Drive, Vehicle, dict[str, np.ndarray]]:
     """The drive, its vehicle and the true angles and forces on the drive's grid."""
-    simulation = simulate(name, seed=1, ideal=ideal)
+    simulation = simulated(name, seed=1, ideal=ideal)
     drive = Drive.from_tables(simulation.tables)
     truth = {}
     for table in simulation.tables:

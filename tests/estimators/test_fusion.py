@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.drives import antenna_apart, hill_tables, table
+from support.drives import antenna_apart, hill_tables, simulated, table
 
 from roadlog import estimators
 from roadlog.car.vehicle import Vehicle
@@ -17,7 +17,6 @@ from roadlog.estimate import Estimate
 from roadlog.estimators.fusion.speed import SpeedSource, gnss_delay
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
 from roadlog.signals import FLAGS, TRUTH_TOPIC
-from roadlog.simulate import simulate
 from roadlog.storage import Table
 
 RIGID = Vehicle().with_values(pitch_gradient=0.0, roll_gradient=0.0)
@@ -68,7 +67,7 @@ def test_finds_the_grade_of_a_hill() -> None:
 
 @pytest.mark.parametrize("name", ["wang2025-up9", "wang2025-down12"])
 def test_shape_of_the_grade_on_simulated_roads(name: str) -> None:
-    drive = simulate(name, seed=1)
+    drive = simulated(name, seed=1)
     found = run(drive.tables, drive.vehicle)
     for angle in ("grade", "pitch"):
         result = metrics(drive.tables, found[0], angle)
@@ -97,7 +96,7 @@ def test_gnss_makes_the_offset_known() -> None:
 def test_an_antenna_elsewhere_does_not_tilt_the_imu(ahead: float) -> None:
     """In a slalom its course swings otherwise than the IMU's: nothing to bend the mounting for."""
     overrides = antenna_apart(ahead)
-    tables = simulate("ryu2004-slalom", seed=11, overrides=overrides).tables
+    tables = simulated("ryu2004-slalom", seed=11, overrides=overrides).tables
     estimate, _ = run(tables, Vehicle())
     assert (metrics(tables, estimate, "grade").rmse_deg or 1) < 0.045
     found = estimate.details["constants"].columns

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.drives import simulated
 
 from roadlog import estimators
 from roadlog.drive import Drive
 from roadlog.estimators.fusion.innovations import correlated, scales
 from roadlog.estimators.fusion.states import ROWS, Row
 from roadlog.signals import TRUTH_TOPIC
-from roadlog.simulate import simulate
 
 STEP = 0.02  # s
 
@@ -49,7 +49,7 @@ def test_the_innovations_come_with_the_estimate(hill_drive: Drive) -> None:
 
 def test_a_crooked_imu_is_turned() -> None:
     """Five degrees of yaw mix bank into grade; they are observable."""
-    simulation = simulate("luo2024-s3")
+    simulation = simulated("luo2024-s3")
     turn = np.radians(5.0)
     tables = [t for t in simulation.tables if t.topic != TRUTH_TOPIC]
     imu = next(t for t in tables if t.topic == "/imu")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.drives import table
+from support.drives import simulated, table
 
 from roadlog import estimators
 from roadlog.car.vehicle import STATED_MOUNTING, Vehicle
@@ -173,7 +173,7 @@ def test_flags_fall_and_rise(bends: Simulation) -> None:
 
 
 def test_low_friction_is_no_worse() -> None:
-    simulation = simulate("luo2024-s2", overrides={"friction": 0.35})
+    simulation = simulated("luo2024-s2", overrides={"friction": 0.35})
     _, figures, _ = run(simulation)
     assert (figures["grade"].rmse_deg or 1) < 0.08
     assert (figures["pitch"].rmse_deg or 1) < 0.08
@@ -236,7 +236,7 @@ def test_a_place_seen_again_is_found() -> None:
 
 def test_no_delay_is_read_from_a_constant_speed() -> None:
     """At constant speed a receiver's lag does not show; guessing it bent the bank by 0.5 deg."""
-    slalom = simulate("ryu2004-slalom")
+    slalom = simulated("ryu2004-slalom")
     _, figures, drive = run(slalom)
     assert gnss_delay(drive, speed_source(drive, slalom.vehicle)) == (0.0, False)
     assert (figures["bank"].rmse_deg or 1) < 0.06
@@ -266,7 +266,7 @@ def drawn(seed: int) -> dict[str, Change]:
 @pytest.mark.parametrize("gnss", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_standard_deviations_hold_over_drawn_errors(gnss: bool) -> None:
     """Coverage of the four angles over draws of the sensors' errors."""
-    ideal = simulate("luo2024-s3b", ideal=True)
+    ideal = simulated("luo2024-s3b", ideal=True)
     topics = USED if gnss else USED[:2]
     draws = [run(ideal, drawn(seed), topics)[1] for seed in range(10)]
     for angle in FUSION.gives:
@@ -279,7 +279,7 @@ def test_standard_deviations_hold_over_drawn_errors(gnss: bool) -> None:
 @pytest.mark.parametrize("name", ["ryu2004-crawl", "luo2024-s2"])
 def test_body_angles_are_as_uncertain_as_they_are_wrong(name: str) -> None:
     """At a crawl an uneven road rocks the car without shaking it: 2 sd held 89 % there."""
-    drives = [run(simulate(name, seed=seed, full=True))[1] for seed in (1, 2, 3)]
+    drives = [run(simulated(name, seed=seed, full=True))[1] for seed in (1, 2, 3)]
     for angle in ("pitch", "roll"):
         covered = np.mean([figures[angle].within_2sd for figures in drives])
         assert 0.93 <= covered < 0.99, angle
@@ -294,7 +294,7 @@ def test_unknown_springs_leave_the_body_less_certain(bends: Simulation) -> None:
 
 def test_products_of_unknowns_tell_nothing() -> None:
     """Straight at one speed: linearised at the filter's own states the bias moved by 0.014 m/s2."""
-    straight = simulate("luo2024-s1", seed=3, full=True)
+    straight = simulated("luo2024-s1", seed=3, full=True)
     constants = run(straight, topics=USED[:2])[0].details["constants"].columns
     assert abs(constants["accel_bias_x"][0]) < 0.005
     assert constants["accel_bias_x_sd"][0] > 0.9 * FusionParameters().accel_bias_sd

@@ -6,6 +6,7 @@ angle, which walks at random. `fusion` itself has no such state.
 
 import numpy as np
 import pytest
+from support.drives import simulated
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
@@ -22,7 +23,7 @@ from roadlog.estimators.fusion.rows import row
 from roadlog.estimators.fusion.states import ROWS, N, State
 from roadlog.estimators.fusion.steps import Sway, grid
 from roadlog.signals import TRUTH_TOPIC
-from roadlog.simulate import Simulation, simulate
+from roadlog.simulate import Simulation
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -119,7 +120,7 @@ def updated(
 def test_a_road_that_walks_at_random_explains_the_springs(
     name: str, angle: str, walk_deg: float, gain: int
 ) -> None:
-    simulation = simulate(name, seed=1, full=True)
+    simulation = simulated(name, seed=1, full=True)
     place = simulation.vehicle.imu_position
     car = simulation.vehicle if angle == "bank" else Vehicle().with_values(imu_position=place)
     free, x = walked(simulation, car, angle, FREE)

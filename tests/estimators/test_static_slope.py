@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.drives import EPOCH_NS, table
+from support.drives import EPOCH_NS, simulated, table
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, static_mask
@@ -14,7 +14,6 @@ from roadlog.estimate import Estimate
 from roadlog.estimators import run
 from roadlog.log import create
 from roadlog.signals import FLAGS
-from roadlog.simulate import simulate
 from roadlog.storage import Table
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -230,7 +229,7 @@ def test_urban_drives_with_the_imu_far_ahead() -> None:
         found: dict[str, list[float]] = {name: [] for name in METHODS}
         for seed in range(1, 9):
             overrides = {"straight.load": float(np.radians(load))}
-            simulation = simulate("kim2023-urban", seed=seed, overrides=overrides)
+            simulation = simulated("kim2023-urban", seed=seed, overrides=overrides)
             drive = Drive.from_tables(simulation.tables)
             for name, (method, settings) in METHODS.items():
                 pitch = run(method, drive, simulation.vehicle, settings).pitch

@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.drives import EPOCH_NS, table
+from support.drives import EPOCH_NS, simulated, table
 
 from roadlog.errors import LogReadError
 from roadlog.ingest import ingest
 from roadlog.ingest.reference import gnss as truth
 from roadlog.log import DriveLog, create
 from roadlog.signals import SECTIONS, TRUTH_TOPIC
-from roadlog.simulate import simulate
 from roadlog.types import Floats
 
 SPEED = 15.0  # m/s
@@ -73,7 +72,7 @@ def test_fixes_of_an_outage_are_left_out():
 @pytest.mark.parametrize(("scenario", "rmse_deg"), [("luo2024-s1", 0.55), ("mountain", 0.6)])
 def test_the_reference_is_as_good_as_it_says_on_simulated_drives(scenario, rmse_deg):
     for seed in (1, 2, 3) if scenario != "mountain" else (1,):
-        tables = simulate(scenario, seed=seed).tables
+        tables = simulated(scenario, seed=seed).tables
         known = next(t for t in tables if t.topic == TRUTH_TOPIC)
         made = truth.from_gnss(tables)
         error = np.degrees(

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import os
+import pickle
+import shutil
 import subprocess
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from functools import cache
+from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from roadlog.signals import ANGLES, ANGLES_SCHEMA, SECTIONS, TRUTH_TOPIC
 from roadlog.storage import Table
 from roadlog.units import STANDARD_GRAVITY as G
+
+if TYPE_CHECKING:
+    from roadlog.simulate import Simulation
 
 ROOT = Path(__file__).parents[2]
 SHARED = ROOT.parent / "shared" / "data"
@@ -58,3 +69,40 @@ def antenna_apart(ahead: float) -> dict[str, object]:
         "imu.misalignment_deg": (0.0, 0.0, 0.0),
         "gnss.two_antennas": False,
     }
+
+
+def simulated(name: str, **options: Any) -> Simulation:
+    """`simulate(name, **options)` without its motion, kept on disk: each is driven once.
+
+    The key is what was asked for and the text of all that the simulator imports. Every call gives
+    arrays of its own. A cache that cannot be read or written is none. The motion has ten times the
+    bytes of the log: a test that looks at it simulates.
+    """
+    from roadlog.simulate import simulate
+
+    asked = repr((name, sorted(options.items())))
+    path = _cache() / f"{name}-{sha256(asked.encode()).hexdigest()[:16]}.pickle"
+    with suppress(OSError, EOFError, pickle.UnpicklingError):
+        return pickle.loads(path.read_bytes())
+    made = replace(simulate(name, **options), motion=None)  # type: ignore[arg-type]
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        own = path.with_suffix(f".{os.getpid()}")
+        own.write_bytes(pickle.dumps(made, pickle.HIGHEST_PROTOCOL))
+        own.replace(path)
+    return made
+
+
+@cache
+def _cache() -> Path:
+    """The folder of this state of the simulator, beside pytest's own; older states go."""
+    text = sha256(np.__version__.encode())
+    for part in ("simulate", "car", "roads", "filters", "*.py"):
+        for source in sorted((ROOT / "roadlog").glob(part if "." in part else f"{part}/*")):
+            if source.is_file():
+                text.update(source.read_bytes())
+    folder = ROOT / ".pytest_cache" / "d" / "simulated"
+    here = folder / text.hexdigest()[:16]
+    if not here.is_dir():
+        shutil.rmtree(folder, ignore_errors=True)
+    return here

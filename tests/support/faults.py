@@ -133,9 +133,9 @@ def inject(tables: Sequence[Table], fault: Fault, group: str | None = None) -> l
 
 def pass_drive() -> tuple[list[Table], list[Table], Vehicle]:
     """Inputs, truth and car of the first part of `mountain`, with sensors."""
-    from roadlog.simulate import simulate
+    from support.drives import simulated
 
-    drive = simulate("mountain", seed=1)
+    drive = simulated("mountain", seed=1)
     start = min(int(table.time[0]) for table in drive.tables)
     tables = [rows(t, t.time - start < LENGTH * 1e9) for t in drive.tables]
     known = {section.topic for section in INPUTS}

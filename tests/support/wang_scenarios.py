@@ -7,9 +7,10 @@ from functools import cache
 
 import numpy as np
 from scipy.signal import savgol_filter
+from support.drives import simulated
 
 from roadlog.drive import Drive
-from roadlog.simulate import Simulation, simulate
+from roadlog.simulate import Simulation
 from roadlog.units import STANDARD_GRAVITY as G
 
 UP, DOWN = "wang2025-up9", "wang2025-down12"
@@ -18,7 +19,7 @@ UP, DOWN = "wang2025-up9", "wang2025-down12"
 @cache
 def ideal(name: str) -> tuple[Drive, dict[str, np.ndarray], Simulation]:
     """The drive with exact sensors, its truth and what it came from."""
-    simulation = simulate(name, ideal=True)
+    simulation = simulated(name, ideal=True)
     truth = next(t for t in simulation.tables if t.topic == "/truth/angles")
     angles = {a: np.asarray(truth.columns[a]) for a in ("grade", "pitch", "inclination")}
     return Drive.from_tables(simulation.tables), angles, simulation
