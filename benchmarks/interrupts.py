@@ -63,7 +63,12 @@ def trial(folder: Path, source: Path, command: str, wait: float) -> str:
     time.sleep(wait)
     process.send_signal(signal.SIGINT)
     started = time.monotonic()
-    _, errors = process.communicate(timeout=60)
+    try:
+        _, errors = process.communicate(timeout=60)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
+        return "not stopped within 60 s"
     took = time.monotonic() - started
     if process.returncode == 0 and "stopped" not in errors:
         return "was done before"

@@ -51,7 +51,11 @@ def _packages() -> list[Finding]:
 def _package(needed: Requirement) -> Finding:
     topic = f"extra {needed.extra}" if needed.extra else "core"
     if version := needed.version:
-        return Finding(topic, needed.wanted, True, version)
+        from packaging import requirements as bounds
+
+        fits = bounds.Requirement(needed.wanted).specifier.contains(version, prereleases=True)
+        hint = version if fits else f"{version}: pip install --upgrade '{needed.wanted}'"
+        return Finding(topic, needed.wanted, fits, hint)
     what = f"roadlog[{needed.extra}]" if needed.extra else needed.wanted
     hint = f"missing: pip install '{what}'"
     return Finding(topic, needed.wanted, None if needed.extra else False, hint)
