@@ -119,7 +119,7 @@ def canonical(unit: str) -> str:
     text = unit.strip()
     text = _SPELLINGS.get(text, text)
     if text not in UNITS:
-        raise ConfigError(f"unknown unit '{unit}'. {near(unit, [*UNITS, *_SPELLINGS])}")
+        raise ConfigError(f"unknown unit '{unit}'. {near(unit, UNITS)}")
     return text
 
 
