@@ -14,6 +14,7 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.ingest import IngestResult, ingest
 from roadlog.ingest.drafting.starter import starter
+from roadlog.ingest.formats import times
 from roadlog.ingest.profile import Profile
 
 WITH_GYRO = {name for name in APPS if name.split("_")[0] in ("phyphox", "sensor", "sensorlog")}
@@ -103,3 +104,18 @@ def test_a_profile_of_the_files_own_names_reads_the_table_as_it_is(tmp_path: Pat
     own += '[time]\ncolumn = "Time since start in ms"\nunit = "ms"\n'
     result = ingest([source], Profile.from_toml(own, "p"))
     assert [m.source for m in result.mapped] == ["ACCELEROMETER Z (m/s²)"]
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [
+        ("Sun Mar 01 09:00:06 GMT+08:00 2026", 1772326806),
+        ("Sun Mar  1 09:00:06 2026", 1772355606),
+        ("Sun Mar 01 09:00:06.5 GMT 2026", 1772355606.5),
+        ("01-Mar-2026 09:00:06 PM", 1772398806),
+    ],
+)
+def test_dates_with_the_day_of_the_week_and_of_twelve_hours_are_understood(text, seconds):
+    stamps, keep = times.from_texts([text], "log.csv")
+    assert keep.all()
+    assert stamps[0] * 1e-9 == seconds

@@ -19,6 +19,7 @@ from roadlog.units import CLOCK_FORMS, to_si
 FORMATS = (
     "%d-%b-%Y %H:%M",  # iOS loggers: 24-May-2019 18:11:23.018
     "%d-%b-%Y %I:%M%p",
+    "%d-%b-%Y %H:%M%z",
     "%d %b %Y %H:%M",
     "%b %d, %Y %H:%M",
     "%b %d, %Y %I:%M%p",
@@ -35,6 +36,11 @@ _CLOCK = re.compile(
     r"^\s*(.*?\d{1,2}:\d{2}):(\d{2})(?:[.,:](\d+))?\s*([A-Za-z]{0,3}|[+-]\d{2}:?\d{2})\s*$"
 )
 _BRACKETS = re.compile(r"[\[(]([^\[(\])]*)[\])]\s*$")
+# what C's asctime and Java's Date write: Sun Mar 01 09:00:06 GMT+08:00 2026
+_ASCTIME = re.compile(
+    r"^\s*[A-Z][a-z]{2} ([A-Z][a-z]{2}) +(\d{1,2}) (\d{2}:\d{2}:\d{2}(?:\.\d+)?)"
+    r"(?: (?:GMT|UTC)?([+-]\d{2}:\d{2})?)? (\d{4})\s*$"
+)
 LAST_STAMP = 2**62  # ns, year 2116: int64 holds the difference of two stamps too
 MINUTE = 60 * 10**9 + 10**9  # ns, one with a leap second
 DAY = 86400 * 10**9  # ns
@@ -154,7 +160,7 @@ def from_texts(
     result = np.empty(len(texts), np.int64)
     keep = np.zeros(len(texts), np.bool_)
     for k, text in enumerate(texts):
-        match = _CLOCK.match(text)
+        match = _CLOCK.match(_ASCTIME.sub(r"\2-\1-\5 \3\4", text))
         if match is None:
             continue
         head, seconds, fraction, tail = match.groups()
