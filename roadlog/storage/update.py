@@ -90,7 +90,10 @@ def update_log(
 
 def _check_writable(given: Path, path: Path, in_place: bool) -> None:
     """Raise LogWriteError for a protected log; say which file is changed where it is not clear."""
-    status = path.stat()
+    try:
+        status = path.stat()
+    except OSError as error:  # gone meanwhile
+        raise LogWriteError(f"{given}: cannot be written: {error.strerror}") from error
     check_unprotected(given, status)
     if given.is_symlink():
         _said.warning("%s: is a link; the results go into %s", given, path)
