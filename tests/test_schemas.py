@@ -7,6 +7,7 @@ import pytest
 
 from roadlog.signals import SECTIONS
 from roadlog.storage import schemas
+from roadlog.units import UNITS
 
 ROOT = Path(__file__).parent.parent
 
@@ -42,6 +43,18 @@ def test_own_fields_are_fixed_width_with_presence_and_a_comment() -> None:
                 assert field.type in schemas.DTYPES, f"{where} has no fixed width"
                 assert field.proto3_optional, f"{where} is not optional"
                 assert (4, number, 2, index) in commented, f"{where}: say its unit and sign"
+
+
+def test_every_number_of_an_own_message_has_a_unit_that_is_known() -> None:
+    """It goes into the metadata of the channel: a reworded comment must not lose it."""
+    known = {*UNITS, "L", "rad^2", "rad/(m/s^2)"}
+    for file in schemas.shipped().file:
+        for message in file.message_type if file.package == "roadlog.v1" else ():
+            schema = f"roadlog.v1.{message.name}"
+            stated = schemas.units(schema)
+            for field, dtype in schemas.columns(schema).items():
+                if dtype.kind == "f":
+                    assert stated.get(field) in known, f"{message.name}.{field}"
 
 
 @pytest.mark.parametrize("section", SECTIONS.values(), ids=SECTIONS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from importlib.resources import files
 
@@ -91,5 +92,5 @@ def units(schema: str) -> dict[str, str]:
         if len(path) == 4 and path[:3] == [4, index, 2] and location.trailing_comments:
             unit = location.trailing_comments.split(",")[0].strip()
             if len(unit) <= MAX_UNIT and unit != "no unit":
-                result[names[path[3]]] = unit.replace("s2", "s^2")
+                result[names[path[3]]] = re.sub(r"([a-z])2\b", r"\1^2", unit)
     return result
