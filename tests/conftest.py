@@ -9,7 +9,7 @@ from collections.abc import Generator
 from pathlib import Path
 
 import pytest
-from support.drives import ROOT, SHARED, Run, hill_tables
+from support.drives import PLAIN, ROOT, SHARED, Run, hill_tables
 
 from roadlog.drive import Drive
 from roadlog.storage.columns import Columns
@@ -53,11 +53,11 @@ def slow(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 @pytest.fixture
-def roadlog(tmp_path: Path) -> Run:
-    """Run the command line as a process: `roadlog("info", path)`."""
+def roadlog_process(tmp_path: Path) -> Run:
+    """Run the command line as a process: `roadlog_process("info", path)`."""
 
     def run(*arguments: object, **options: object) -> subprocess.CompletedProcess[str]:
-        environment = {**os.environ, "PYTHONPATH": str(ROOT), "NO_COLOR": "1", "COLUMNS": "140"}
+        environment = {**os.environ, **PLAIN, "PYTHONPATH": str(ROOT)}
         return subprocess.run(
             [sys.executable, "-m", "roadlog", *map(str, arguments)],
             capture_output=True,
@@ -70,6 +70,12 @@ def roadlog(tmp_path: Path) -> Run:
         )
 
     return run
+
+
+@pytest.fixture
+def roadlog(roadlog_process: Run) -> Run:
+    """As `roadlog_process`; tests/cli has it in its own process."""
+    return roadlog_process
 
 
 @pytest.fixture

@@ -33,7 +33,7 @@ def test_a_csv_becomes_a_log_with_its_origin(folder, roadlog):
     [
         ({}, ["gone.csv"], 1, "no such file"),
         ({"drive.csv": ""}, ["drive.csv"], 1, "is empty"),
-        ({"drive.csv": "\0\1\2"}, ["drive.csv"], 1, "none of the formats"),
+        ({"drive.csv": "\0\1\2"}, ["drive.csv"], 1, "is of no known format"),
         ({"drive.csv": "t,w\n0,1\n1,2\n"}, ["drive.csv"], 1, "has no 'v'"),
         ({"p.toml": PROFILE.replace("km/h", "kmm/h")}, ["drive.csv"], 1, "Close: km/h"),
         ({"p.toml": PROFILE.replace("[speed]", "[sped]")}, ["drive.csv"], 1, "Close: speed"),

@@ -27,9 +27,11 @@ def messages(path: Path, prefix: str = "") -> list[tuple]:
         ]
 
 
-def test_demo_goes_the_whole_way(roadlog: Run, monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
+def test_demo_goes_the_whole_way(
+    roadlog_process: Run, monkeypatch: pytest.MonkeyPatch, tmp_path
+) -> None:
     monkeypatch.setenv("TMPDIR", str(tmp_path))
-    done = roadlog("demo")
+    done = roadlog_process("demo")
     assert done.returncode == 0, done.stderr
     assert "kmbe" in done.stdout
     (log,) = tmp_path.glob("roadlog-demo-*/demo.mcap")
@@ -41,7 +43,7 @@ def test_demo_goes_the_whole_way(roadlog: Run, monkeypatch: pytest.MonkeyPatch, 
         ["roadlog", "view"],
         ["roadlog", "estimators"],
     ]
-    shown = roadlog(*last[0].split()[1:])
+    shown = roadlog_process(*last[0].split()[1:])
     assert shown.returncode == 0
     assert str(log) in shown.stdout
 

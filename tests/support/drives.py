@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[2]
 SHARED = ROOT.parent / "shared" / "data"
 EPOCH_NS = 1_700_000_000_000_000_000
+PLAIN = {"NO_COLOR": "1", "COLUMNS": "140"}  # what the command prints, on every machine
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
