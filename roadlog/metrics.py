@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from roadlog.columnar import ByValue, Columnar
 from roadlog.drive import stale_limit
 from roadlog.errors import LogReadError, MissingExtraError
-from roadlog.signals import ANGLES, DECELERATION, TRUTH_TOPIC
+from roadlog.signals import ACCELERATION, ANGLES, DECELERATION, TRUTH_TOPIC
 from roadlog.types import Bools, Floats
 
 if TYPE_CHECKING:
@@ -200,14 +200,25 @@ def evaluate(log: DriveLog, skip: float = DEFAULT_SKIP, remove_offset: bool = Fa
 
 
 def stop_metrics(log: DriveLog, remove_offset: bool = False) -> dict[str, StopMetrics]:
-    """Headlamp report of every estimate that has events at stops: estimator -> metrics."""
+    """Headlamp report of every estimate that has events at stops: estimator -> metrics.
+
+    All events, and those of windows out of stops (forward) and into them (reverse time) apart.
+    """
     truth = log.truth()
-    tables = {name: log.detail(name, "events") for name in log.estimators}
-    return {
-        name: _stop_metrics(table, truth, remove_offset)
-        for name, table in tables.items()
-        if truth is not None and table is not None and table.schema == STOP_EVENT and len(table)
-    }
+    found: dict[str, StopMetrics] = {}
+    for name in log.estimators:
+        table = log.detail(name, "events")
+        if truth is None or table is None or table.schema != STOP_EVENT or not len(table):
+            continue
+        found[name] = _stop_metrics(table, truth, remove_offset)
+        kind = table.columns["kind"]
+        for value, word in ((ACCELERATION, "forward"), (DECELERATION, "reverse time")):
+            of_kind = np.flatnonzero(kind == value)
+            if len(of_kind):
+                columns = {key: values[of_kind] for key, values in table.columns.items()}
+                own = replace(table, time=table.time[of_kind], columns=columns)
+                found[f"{name}, {word}"] = _stop_metrics(own, truth, remove_offset)
+    return found
 
 
 def _stop_metrics(events: Detail, truth: Estimate, remove_offset: bool) -> StopMetrics:

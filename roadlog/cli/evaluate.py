@@ -115,7 +115,8 @@ def _at_stops(name: str, m: StopMetrics) -> str:
     else:
         mean = f"the running mean stays within 0.2 deg from event {m.converged_after} on"
     return (
-        f"{text}: {_percent(m.within_02_deg)} within 0.2 deg, {_percent(m.within_05_deg)} within "
+        f"{text}: mean error {m.bias_deg:+.3f}, spread {m.std_deg:.3f} deg; "
+        f"{_percent(m.within_02_deg)} within 0.2 deg, {_percent(m.within_05_deg)} within "
         f"0.5 deg of the true one; {mean}"
     )
 

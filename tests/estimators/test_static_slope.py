@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.drives import EPOCH_NS, simulated, table
+from support.drives import EPOCH_NS, ROOT, simulated, table
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, static_mask
 from roadlog.estimate import Estimate
 from roadlog.estimators import run
-from roadlog.log import create
+from roadlog.log import DriveLog, create
 from roadlog.signals import FLAGS
 from roadlog.storage import Table
 from roadlog.units import STANDARD_GRAVITY as G
@@ -421,3 +421,57 @@ def test_events_and_windows_are_in_the_log(tmp_path: Path) -> None:
         # uphill is ahead: going back in time the car goes down
         sign = 1 if windows.columns["kind"][own][0] == ACCELERATION else -1
         assert z[np.argmax(s)] == pytest.approx(sign * 0.05 * s.max(), rel=1e-6)
+
+
+STOPS = ROOT / "sample_logs" / "stops.mcap"  # the full car, its IMU 1.9 m ahead
+
+
+@pytest.fixture(scope="module")
+def ahead() -> Drive:
+    return DriveLog(STOPS).drive()
+
+
+def events_of(estimate: Estimate) -> tuple[float, float, float]:
+    """Share of valid events, mean error of the pitch and its sd, deg."""
+    columns = estimate.details["events"].columns
+    valid = columns["valid"]
+    truth = DriveLog(STOPS).truth()
+    assert truth is not None
+    # where the body is at rest for long: the mean of the standing truth
+    still = static_mask(DriveLog(STOPS).drive().speed, RATE, past=2.0, future=0.5)
+    own = DriveLog(STOPS).drive().time
+    pitch = np.interp(own, truth.time, truth.angles["pitch"])[still].mean()
+    error = np.degrees(columns["pitch"][valid].mean() - pitch)
+    return float(valid.mean()), float(error), float(np.degrees(columns["pitch_mean_sd"][-1]))
+
+
+def test_an_imu_ahead_of_the_axle_needs_no_position(ahead: Drive) -> None:
+    """The lever is found from the rocking after each stop; docs/methods/kim2023.md#lever."""
+    estimate = run("static_slope", ahead, Vehicle())
+    share, error, _ = events_of(estimate)
+    assert share >= 0.9
+    assert abs(error) < 0.1
+    assert any("taken for imu_position" in note for note in estimate.notes)
+    assert any("10 of 10 windows used (5 of 5 forward, 5 of 5 rev" in n for n in estimate.notes)
+
+
+def test_a_wrong_position_is_told_and_in_the_sd(ahead: Drive) -> None:
+    right = run("static_slope", ahead, Vehicle().with_values(imu_position=(1.95, 0.0, 0.0)))
+    wrong = run("static_slope", ahead, Vehicle().with_values(imu_position=(1.7, 0.0, 0.0)))
+    assert not any("imu_position says" in note for note in right.notes)
+    assert any("imu_position says +1.70 m" in note for note in wrong.notes)
+    _, error, sd = events_of(wrong)
+    assert sd > events_of(right)[2]
+    assert abs(error) < 2 * sd
+
+
+@pytest.mark.parametrize(("direction", "kind"), [("forward", ACCELERATION), ("reverse", 1)])
+def test_direction_runs_one_kind_of_window(ahead: Drive, direction: str, kind: int) -> None:
+    estimate = run("static_slope", ahead, Vehicle(), {"direction": direction})
+    assert set(estimate.details["events"].columns["kind"]) == {kind}
+
+
+def test_paper_alignment_says_why_no_window_is_used(ahead: Drive) -> None:
+    estimate = run("static_slope", ahead, Vehicle(), {"align": "paper"})
+    (note,) = [note for note in estimate.notes if "windows used" in note]
+    assert "path not straight (chord test)" in note

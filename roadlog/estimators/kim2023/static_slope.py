@@ -7,6 +7,8 @@ into the deceleration. The accelerometer bias cancels in the pitch.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,14 +16,23 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, static_mask
 from roadlog.estimate import Detail, Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag
+from roadlog.estimators.kim2023.lever import rocking_lever
 from roadlog.estimators.kim2023.stop_windows import Event, Windows, running_mean
-from roadlog.estimators.kim2023.stops import StaticSlopeParameters, Stop, find_stops
+from roadlog.estimators.kim2023.stops import StaticSlopeParameters, Stop, find_stops, vectors
 from roadlog.filters import Engine
-from roadlog.signals import ACCELERATION, DECELERATION
+from roadlog.signals import ACCELERATION, DECELERATION, FLAGS
 from roadlog.types import Floats
 
-ROCKING = np.radians(0.5)  # rad/s, gyro spread after a stop that calls for `full`
-ROCKING_TIME = 0.5  # s
+PITCH_PER_LEVER = np.radians(0.45)  # rad/m, what an error of the lever costs on the full car
+LEVER_MODEL_SD = 0.05  # m: a body pitches about no fixed point
+REASONS = {  # flags of a window in words, in the order in which they are told
+    "missing": "gap in the signals",
+    "standstill": "another stop too near",
+    "excitation": "did not drive far enough in time",
+    "model": "rolled back or did not stand still",
+    "rejected": "path not straight (chord test)",
+    "saturated": "gravity off: scale or axes of the accelerometer",
+}
 
 
 def static_slope(
@@ -34,13 +45,14 @@ def static_slope(
     `events` (StopEvent) and `windows` (StopWindow), the integrated paths.
     """
     static = static_mask(drive.speed, drive.rate, past=params.hold_off, future=params.hold_off)
-    position = vehicle.imu_position
-    full = params.align == "full" or (params.align == "auto" and position is not None)
-    lever = np.array(position if position is not None else (0.0, 0.0, 0.0))
-    stops = find_stops(drive, static, full, params)
-    windows = Windows(drive, static, lever, full, params)
+    stops = find_stops(drive, static, params.align != "paper", params)
+    mount = _mount(drive, vehicle, stops, params)
+    if not mount.full and params.align != "paper":
+        stops = find_stops(drive, static, False, params)
+    windows = Windows(drive, static, mount.lever, mount.full, params)
     events = [event for stop in stops for event in windows.events(stop, engine)]
     mean, mean_sd = running_mean(events, params)
+    mean_sd = np.hypot(mean_sd, PITCH_PER_LEVER * mount.sd)
     angles, sd = _held(drive, events, mean, mean_sd)
     known = np.isfinite(angles["pitch"])
     standing = np.zeros(len(drive), np.bool_)
@@ -56,7 +68,7 @@ def static_slope(
         "events": _event_detail(drive, events, mean, mean_sd),
         "windows": _window_detail(drive, events),
     }
-    notes = _notes(drive, stops, events, full)
+    notes = [*mount.notes, *_notes(stops, events)]
     return Estimate(drive.time, angles, sd, known, flags, details, notes)
 
 
@@ -136,19 +148,59 @@ def _samples(event: Event) -> np.ndarray:
     return event.sample - steps if event.kind == DECELERATION else event.sample + steps
 
 
-def _notes(drive: Drive, stops: list[Stop], events: list[Event], full: bool) -> list[str]:
-    notes = []
-    if not any(event.valid for event in events):
-        notes.append(f"no usable stop: {len(stops)} stops, {len(events)} windows, none unflagged")
-    count = round(ROCKING_TIME * drive.rate)
-    starts = [stop.first for stop in stops if stop.starts]
-    rocks = any(np.nanstd(drive["imu.gyro_y"][k : k + count]) > ROCKING for k in starts)
-    if rocks and not full:
-        notes.append(
-            "the body still rocks when the car stands: give imu_position in the vehicle file "
-            "or set static_slope.align=full"
-        )
-    return notes
+@dataclass(frozen=True)
+class _Mount:
+    """lever: (3,) m from the pitch center to the IMU; sd: m, of its x; full: the alignment."""
+
+    lever: Floats
+    sd: float
+    full: bool
+    notes: list[str]
+
+
+def _mount(
+    drive: Drive, vehicle: Vehicle, stops: list[Stop], params: StaticSlopeParameters
+) -> _Mount:
+    """The lever of the vehicle file, or as the rocking after each stop shows it."""
+    position = vehicle.imu_position
+    lever = np.array(position if position is not None else (0.0, 0.0, 0.0))
+    if params.align == "paper":
+        return _Mount(lever, 0.0, False, [])
+    found = rocking_lever(
+        vectors(drive, "accel"), vectors(drive, "gyro"), stops, drive.dt, params.settle
+    )
+    if found is None:
+        full = params.align == "full" or position is not None
+        return _Mount(lever, 0.0, full, [])
+    sd = float(np.hypot(found.sd, LEVER_MODEL_SD))
+    told = f"rocking after {found.stops} stops shows the IMU {found.x:+.2f} +- {sd:.2f} m ahead"
+    if position is None:
+        lever[0] = found.x
+        return _Mount(lever, sd, True, [f"{told} of the pitch center: taken for imu_position"])
+    apart = abs(found.x - lever[0])
+    if apart <= 2 * sd:
+        return _Mount(lever, 0.0, True, [])
+    said = f"{told}, imu_position says {lever[0]:+.2f} m: the sd of the pitch allows for it"
+    return _Mount(lever, apart, True, [said])
+
+
+def _notes(stops: list[Stop], events: list[Event]) -> list[str]:
+    """How many windows were found and used, and why the others were not."""
+    counts = [
+        f"{sum(e.valid for e in own)} of {len(own)} {name}"
+        for kind, name in ((ACCELERATION, "forward"), (DECELERATION, "reverse-time"))
+        if (own := [event for event in events if event.kind == kind])
+    ]
+    used = sum(event.valid for event in events)
+    note = f"{len(stops)} stops, {used} of {len(events)} windows used"
+    note += f" ({', '.join(counts)})" if counts else ""
+    why = [
+        f"{count} {words}"
+        for name, words in REASONS.items()
+        if (count := sum(bool(event.flags & FLAGS[name]) for event in events))
+    ]
+    note += f"; rejected: {', '.join(why)}" if why else ""
+    return [note if used else f"no usable stop: {note}"]
 
 
 STATIC_SLOPE = Estimator(
@@ -158,7 +210,7 @@ STATIC_SLOPE = Estimator(
     needs=(*(f"imu.{kind}_{axis}" for kind in ("accel", "gyro") for axis in "xyz"), ANY_SPEED),
     gives=("grade", "pitch", "inclination", "roll_total"),
     reference="Kim 2023, eqs. (7)-(17); docs/methods/kim2023.md#windows",
-    summary="pitch of the standing body from dead reckoning at stops, in reverse time too",
+    summary="pitch of the standing body by dead reckoning at stops, with reverse-time integration",
     systematic_deg={"grade": 0.45, "pitch": 0.4, "inclination": 0.45, "roll_total": 0.45},
     tilted=("grade", "pitch", "inclination", "roll_total"),
 )

@@ -116,7 +116,9 @@ class Windows:
 
     def events(self, stop: Stop, engine: Engine) -> list[Event]:
         """The windows of one stop in time order: none where the drive's start or a gap is."""
-        kinds = [DECELERATION] * stop.starts + [ACCELERATION] * stop.ends
+        into = stop.starts and self.params.direction != "forward"
+        out = stop.ends and self.params.direction != "reverse"
+        kinds = [DECELERATION] * into + [ACCELERATION] * out
         return [self._event(stop, kind, engine) for kind in kinds]
 
     def _event(self, stop: Stop, kind: int, engine: Engine) -> Event:

@@ -24,7 +24,13 @@ class StaticSlopeParameters:
     """docs/methods/kim2023.md#parameters-of-static_slope; "paper" marks the paper's values."""
 
     align: Literal["auto", "full", "paper"] = parameter(
-        "auto", "", "paper: attitude next to the stop; full: settled, gyro, lever"
+        "auto",
+        "",
+        "paper: attitude next to the stop; full: settled, gyro, lever; auto: full where the "
+        "lever is known or found",
+    )
+    direction: Literal["both", "forward", "reverse"] = parameter(
+        "both", "", "windows out of stops (forward), into them (reverse time), or both"
     )
     integration: Literal["trapezoid", "rectangle"] = parameter("trapezoid", "", "rectangle: paper")
     gyro_bias: Literal["mean", "lowpass"] = parameter("mean", "", "lowpass: paper")
