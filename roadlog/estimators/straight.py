@@ -11,9 +11,11 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from roadlog.car.driveline import undriven_axle
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimators.base import flag, parameter
-from roadlog.filters.kernels import odd_window, parabola, parabolic_mean, slope
+from roadlog.filters.kernels import causal, odd_window, parabola, parabolic_mean, slope
 from roadlog.filters.windows import moving_mean
 from roadlog.types import Flags, Floats
 from roadlog.units import STANDARD_GRAVITY as G
@@ -25,11 +27,14 @@ NOISE_TIME = 2.0  # s, window over which the sensors' noise is estimated from th
 class StraightParameters:
     """docs/methods/common.md#parameters-of-straight-driving-methods."""
 
-    wheels: Literal["all", "front", "rear", "median"] = parameter(
-        "all", "", "wheels that give the speed"
+    wheels: Literal["undriven", "all", "front", "rear", "median"] | None = parameter(
+        None, "", "wheels that give the speed; none: undriven, all with preset paper"
     )
     slope_time: float = parameter(0.3, "s", "window of the speed's derivative")
     hold_time: float = parameter(5.0, "s", "the last value is held this long")
+    causal: bool | None = parameter(
+        None, "", "speed's derivative and forces of the last samples, not of those around"
+    )
 
 
 P = TypeVar("P", bound=StraightParameters)
@@ -76,22 +81,26 @@ class Longitudinal:
         return np.sqrt(f_x_sd**2 + self.vdot_sd**2) / G
 
 
-def longitudinal(drive: Drive, params: StraightParameters) -> Longitudinal:
+def longitudinal(drive: Drive, params: StraightParameters, vehicle: Vehicle) -> Longitudinal:
     """Speed, its derivative, and forces smoothed alike; docs/methods/common.md#matched-kernel.
 
     A signal that the drive does not have is NaN everywhere.
     """
     n = odd_window(params.slope_time, drive.dt)
-    speed = selected_speed(drive, params.wheels)
+    speed = selected_speed(drive, params.wheels or "undriven", vehicle)
     f_x, f_z = drive.get("imu.accel_x"), drive.get("imu.accel_z")
     vdot = slope(speed, n, drive.dt)
     # the kernel pads the ends with a constant speed: no derivative there, as beside a gap
     vdot[: n // 2] = vdot[len(vdot) - n // 2 :] = np.nan
+
+    def aligned(values: Floats) -> Floats:
+        return causal(values, n) if params.causal else values
+
     return Longitudinal(
         speed=speed,
-        f_x=parabolic_mean(f_x, n),
-        f_z=parabolic_mean(f_z, n),
-        vdot=vdot,
+        f_x=aligned(parabolic_mean(f_x, n)),
+        f_z=aligned(parabolic_mean(f_z, n)),
+        vdot=aligned(vdot),
         f_x_sd=noise_sd(f_x, n, drive.rate),
         f_z_sd=noise_sd(f_z, n, drive.rate),
         vdot_sd=noise_sd(speed, n, drive.rate) * np.sqrt(12.0 / n**3) / drive.dt,
@@ -100,8 +109,14 @@ def longitudinal(drive: Drive, params: StraightParameters) -> Longitudinal:
     )
 
 
-def selected_speed(drive: Drive, wheels: str) -> Floats:
-    """m/s, from the chosen wheels; the drive's speed where it has no wheel speeds, else NaN."""
+def selected_speed(drive: Drive, wheels: str, vehicle: Vehicle) -> Floats:
+    """m/s, from the chosen wheels; the drive's speed where it has no wheel speeds, else NaN.
+
+    `undriven`: the axle that the car does not drive; all where it drives all, or is not known.
+    """
+    if wheels == "undriven":
+        known = vehicle.source("driven").kind != "default"
+        wheels = (undriven_axle(drive, vehicle) if known else None) or "all"
     if "wheel_speeds" in drive.sources_of_speed():
         return drive.wheel_speed(wheels)
     return drive.speed if drive.has_speed else np.full(len(drive), np.nan)

@@ -20,12 +20,14 @@ from roadlog.filters.rls import Regression, rls
 from roadlog.units import STANDARD_GRAVITY as G
 
 CAR = Vehicle()
-PAPER = {"preset": "paper"}
+# the prototype's figures are of centered derivatives and exact angles
+PAPER = {"preset": "paper", "causal": False}
+EXACT = PAPER | {"small_angle": False}
 COLUMNS = {
     "ls": ("ls_window", PAPER),
     "rls": ("rls_forget", PAPER),
-    "ti": ("ti", PAPER),
-    "ti weighted": ("ti", PAPER | {"average": "weighted"}),
+    "ti": ("ti", EXACT),
+    "ti weighted": ("ti", EXACT | {"average": "weighted"}),
     "pn": ("pn", PAPER),
     "combination": ("ti_rls", PAPER),
     "rls gated": ("rls_forget", {"preset": "robust"}),
@@ -183,7 +185,17 @@ def test_preset_values_can_be_set_one_by_one() -> None:
     drive = massel_drive("quasi")
     paper = estimators.run("ti", drive, CAR, {"preset": "paper"})
     same = estimators.run(
-        "ti", drive, CAR, {"preset": "robust", "average": "mean", "smooth": "false"}
+        "ti",
+        drive,
+        CAR,
+        {
+            "preset": "robust",
+            "average": "mean",
+            "smooth": "false",
+            "small_angle": "true",
+            "causal": "true",
+            "wheels": "all",
+        },
     )
     np.testing.assert_array_equal(paper.grade, same.grade)
 

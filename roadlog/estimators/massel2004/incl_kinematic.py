@@ -31,8 +31,8 @@ def incl_kinematic(
     drive: Drive, vehicle: Vehicle, params: InclKinematicParameters, engine: Engine
 ) -> Estimate:
     """Inclination = asin((f_x - dv/dt) / g); an accelerometer bias b stays in it as b / g."""
-    del vehicle, engine  # kinematic, and one vectorized formula
-    motion = longitudinal(drive, params)
+    del engine  # one vectorized formula
+    motion = longitudinal(drive, params, vehicle)
     inclination = averaged(motion.inclination, params.average_time, drive.rate)
     sd = motion.inclination_sd
     if params.average_time > params.slope_time:

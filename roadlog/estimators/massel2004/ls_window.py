@@ -30,7 +30,13 @@ from roadlog.units import STANDARD_GRAVITY as G
 MIN_SHARE = 0.9  # of a window's samples that must be known
 
 PRESETS: dict[str, dict[str, Any]] = {
-    "paper": {"excitation_min": 0.0, "inclination_source": "paper", "smooth": False},
+    "paper": {
+        "excitation_min": 0.0,
+        "inclination_source": "paper",
+        "smooth": False,
+        "causal": True,
+        "wheels": "all",
+    },
     "robust": {"excitation_min": 0.05, "inclination_source": "x", "smooth": True},
 }
 
@@ -124,9 +130,9 @@ def ls_window(
     A body that pitches with dv/dt biases the pitch: p_LS = p + k g i;
     docs/methods/massel2004.md#errata.
     """
-    del vehicle, engine  # no parameter of the car; sliding sums are one vectorized formula
+    del engine  # sliding sums are one vectorized formula
     params = with_preset(params, PRESETS, params.preset)
-    motion = longitudinal(drive, params)
+    motion = longitudinal(drive, params, vehicle)
     n = max(4, round(params.window * drive.rate))
     source, smooth = params.inclination_source or "x", bool(params.smooth)
     fit = fit_windows(motion, n, source, smooth)

@@ -26,7 +26,10 @@ from roadlog.filters.windows import moving_mean
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
-PRESETS: dict[str, dict[str, Any]] = {"paper": {"smooth": False}, "robust": {"smooth": True}}
+PRESETS: dict[str, dict[str, Any]] = {
+    "paper": {"smooth": False, "causal": True, "wheels": "all"},
+    "robust": {"smooth": True},
+}
 
 
 @dataclass(frozen=True)
@@ -63,9 +66,9 @@ def pn(drive: Drive, vehicle: Vehicle, params: PnParameters, engine: Engine) -> 
 
     Its truncation error is below 0.05 deg up to 10 % grade and grows to 0.5 deg at 20 %.
     """
-    del vehicle, engine  # no parameter of the car; vectorized formulas
+    del engine  # vectorized formulas
     params = with_preset(params, PRESETS, params.preset)
-    motion = longitudinal(drive, params)
+    motion = longitudinal(drive, params, vehicle)
     n, smooth = max(1, round(params.window * drive.rate)), bool(params.smooth)
     grade, pitch, clipped = sample_angles(motion, params)
     sd = analytic_sd(motion, np.where(np.isfinite(grade), motion.vdot, np.nan), n, smooth)

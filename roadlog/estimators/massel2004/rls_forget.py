@@ -32,7 +32,13 @@ from roadlog.units import STANDARD_GRAVITY as G
 PAPER_RATE = 1000.0  # Hz, at which the paper gives its forgetting factor
 
 PRESETS: dict[str, dict[str, Any]] = {
-    "paper": {"excitation_min": 0.0, "trace_max": math.inf, "inclination_source": "paper"},
+    "paper": {
+        "excitation_min": 0.0,
+        "trace_max": math.inf,
+        "inclination_source": "paper",
+        "causal": True,
+        "wheels": "all",
+    },
     "robust": {"excitation_min": 0.05, "trace_max": 1e2, "inclination_source": "x"},
 }
 
@@ -125,9 +131,8 @@ def rls_forget(
 
     Biased as `ls_window` by a body that pitches with dv/dt: p + k g i.
     """
-    del vehicle  # no parameter of the car
     params = with_preset(params, PRESETS, params.preset)
-    motion = longitudinal(drive, params)
+    motion = longitudinal(drive, params, vehicle)
     fit = fit_recursively(motion, params, drive.rate, engine)
     since = age(fit.updated) * drive.dt
     pitch = np.where(since <= params.pitch_hold_time, fit.pitch, np.nan)

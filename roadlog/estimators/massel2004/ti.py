@@ -28,7 +28,13 @@ from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
 PRESETS: dict[str, dict[str, Any]] = {
-    "paper": {"average": "mean", "smooth": False},
+    "paper": {
+        "average": "mean",
+        "smooth": False,
+        "small_angle": True,
+        "causal": True,
+        "wheels": "all",
+    },
     "robust": {"average": "weighted", "smooth": True},
 }
 
@@ -49,7 +55,9 @@ class TiParameters(AnalyticParameters):
     preset: Literal["paper", "robust"] = parameter(
         "robust", "", "paper: mean, causal; robust: weighted, centered"
     )
-    small_angle: bool = parameter(False, "", "the paper's small-angle formulas instead of exact")
+    small_angle: bool | None = parameter(
+        None, "", "the paper's small-angle formulas instead of exact"
+    )
     average: Literal["mean", "weighted"] | None = parameter(
         None, "", "mean of samples, or least squares weighted by dv/dt (no pole at 0)"
     )
@@ -78,7 +86,7 @@ def sample_angles(motion: Longitudinal, params: TiParameters) -> tuple[Floats, F
     clipped = usable & (np.abs(sine) > params.sine_max)
     sine = np.where(usable & ~clipped, sine, np.nan)
     grade = sine if params.small_angle else np.arcsin(sine)
-    return grade, _pitch(motion, grade, params.small_angle), clipped
+    return grade, _pitch(motion, grade, bool(params.small_angle)), clipped
 
 
 def identity(motion: Longitudinal) -> Floats:
@@ -160,9 +168,9 @@ def ti(drive: Drive, vehicle: Vehicle, params: TiParameters, engine: Engine) -> 
 
     A vertical accelerometer bias b shifts the grade by b cos(G) / vdot.
     """
-    del vehicle, engine  # no parameter of the car; vectorized formulas
+    del engine  # vectorized formulas
     params = with_preset(params, PRESETS, params.preset)
-    motion = longitudinal(drive, params)
+    motion = longitudinal(drive, params, vehicle)
     return analytic_estimate(drive, motion, fit_identities(motion, params, drive.rate), params)
 
 

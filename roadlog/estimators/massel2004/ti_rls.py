@@ -6,7 +6,7 @@ Massel 2004: docs/methods/massel2004.md#combination.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -28,6 +28,8 @@ from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
 from roadlog.types import Floats
 
+PRESETS: dict[str, dict[str, Any]] = {"paper": {"causal": True, "wheels": "all"}, "robust": {}}
+
 
 @dataclass(frozen=True)
 class TiRlsParameters(StraightParameters):
@@ -42,8 +44,8 @@ def ti_rls(drive: Drive, vehicle: Vehicle, params: TiRlsParameters, engine: Engi
 
     Causal but for the derivative's kernel: the recursion lags, a centered ti would not match it.
     """
-    del vehicle  # no parameter of the car
-    motion = longitudinal(drive, params)
+    params = with_preset(params, PRESETS, params.preset)
+    motion = longitudinal(drive, params, vehicle)
     ti_params = with_preset(TiParameters(smooth=False), TI_PRESETS, params.preset)
     rls_params = with_preset(RlsForgetParameters(), RLS_PRESETS, params.preset)
     analytic = fit_identities(motion, ti_params, drive.rate)

@@ -16,6 +16,7 @@ from roadlog.drive import Drive, runs
 from roadlog.estimate import Detail, Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
 from roadlog.estimators.straight import selected_speed, straight_flags
+from roadlog.estimators.wang2025.printed import filter_printed
 from roadlog.estimators.wang2025.suspension_ekf import (
     SuspensionModel,
     filter_suspension,
@@ -34,12 +35,15 @@ class EkfSuspensionParameters:
     """docs/methods/wang2025.md#parameters-of-ekf_suspension; noises per step at 100 Hz."""
 
     smooth: bool = parameter(True, "", "Rauch-Tung-Striebel smoothing over the whole drive")
+    form: Literal["mended", "printed"] = parameter(
+        "mended", "", "printed: the paper's transition and noises; causal, whatever `smooth` says"
+    )
     mount: Literal["body", "road"] = parameter(
         "body", "", "the accelerometer pitches with the body, or stays parallel to the road"
     )
     use_drive_force: bool = parameter(True, "", "use the drive force where the log has one")
-    wheels: Literal["all", "front", "rear", "median"] = parameter(
-        "all", "", "wheels that give the speed"
+    wheels: Literal["undriven", "all", "front", "rear", "median"] = parameter(
+        "undriven", "", "wheels that give the speed"
     )
     speed_noise: float = parameter(1e-3, "m/s", "process noise of the speed")
     accel_noise: float = parameter(3.0, "m/s2", "of the force balance; 0.3 only with brakes in it")
@@ -59,7 +63,8 @@ def ekf_suspension(
 
     With mount `road` the pitch is the suspension model's answer to a, never corrected.
     """
-    speed, accel = selected_speed(drive, params.wheels), drive.get("imu.accel_x")
+    speed, accel = selected_speed(drive, params.wheels, vehicle), drive.get("imu.accel_x")
+    smooth = params.smooth and params.form == "mended"
     force = drive_force(drive, vehicle) if params.use_drive_force else np.full(len(drive), np.nan)
     since = np.maximum(age(np.isfinite(speed)), age(np.isfinite(accel))) * drive.dt
     runnable = since <= params.gap_time
@@ -68,13 +73,14 @@ def ekf_suspension(
     rejected, since_start = np.zeros(n, np.bool_), np.full(n, np.inf)
     for run in runs(runnable):
         model = suspension_model(vehicle, params, drive.dt, speed[run], accel[run], force[run])
-        track = filter_suspension(model, engine)
+        printed = params.form == "printed"
+        track = filter_printed(model) if printed else filter_suspension(model, engine)
         innovation[run], rejected[run] = track.innovation, track.rejected
-        if params.smooth:
+        if smooth:
             track = smooth_suspension(model, track, engine)
         x[run], P[run] = track.x, track.P
         since_start[run] = np.arange(run.stop - run.start) * drive.dt
-    converging = (since_start < params.settle_time) & ~np.bool_(params.smooth)
+    converging = (since_start < params.settle_time) & ~np.bool_(smooth)
     measured = np.isfinite(speed) & np.isfinite(accel)
     flags = (
         straight_flags(drive, measured)
@@ -131,7 +137,8 @@ def suspension_model(
     damping = vehicle.pitch_damping
     if damping is None:
         damping = 2 * DAMPING * math.sqrt(stiffness * vehicle.pitch_inertia)
-    decay = math.exp(-dt * stiffness / damping)
+    rate = stiffness / damping
+    decay = 1 - dt * rate if params.form == "printed" else math.exp(-dt * rate)
     known = np.flatnonzero(np.isfinite(speed))
     per_step = TUNING_RATE * dt
     return SuspensionModel(
