@@ -38,13 +38,10 @@ MAX_MODULE, MAX_FUNCTION = 400, 60  # lines
 # Compiled loops and right-hand sides, that calls in pieces would only hide.
 COMPILED: set[str] = set()
 # What is too long today; to be emptied.
-LONG_MODULES = {
-    "reproduce.kim2023",
-}
+LONG_MODULES: set[str] = set()
 LONG_FUNCTIONS = {
     "cli.estimate.estimate",
     "cli.report.report",
-    "reproduce.kim2023.run",
 }
 MAGIC = b"\x89MCAP0\r\n"  # only storage knows the bytes of MCAP
 

@@ -1,11 +1,11 @@
 import pytest
 
-from roadlog.reproduce import PAPERS
+from roadlog.reproduce import RUNS
 from roadlog.reproduce.fusion import fusion, scenarios
 
 
 def test_covers_every_drive_with_sensors() -> None:
-    assert "fusion" in PAPERS
+    assert "fusion" in RUNS
     assert {"mountain", "city", "luo2024-s3b", "ryu2004-slalom", "wang2025-up9"} <= set(scenarios())
 
 
@@ -19,5 +19,5 @@ def test_is_the_best_on_a_slope_through_a_bend() -> None:
     assert rows["fusion with two antennas", "luo2024-road2, bank", "rmse"] < 0.05
     assert 0.9 < rows["honesty with two antennas", "luo2024-road2, pitch", "within_2sd"] <= 1.0
     assert any("next best" in case for _, case, _ in rows)
-    shape = next(claim for claim in result.claims if claim.claim.startswith("shape of grade"))
+    shape = next(claim for claim in result.also if claim.claim.startswith("shape of grade"))
     assert shape.holds

@@ -98,7 +98,7 @@ def estimate(
         list[str] | None,
         typer.Option("--set", metavar="NAME.PARAM=VALUE", help="Set a parameter; repeatable."),
     ] = None,
-    engine: Annotated[str, typer.Option(help="compiled (numba) or reference (filterpy).")] = (
+    engine: Annotated[str, typer.Option(help="compiled (numba), reference (filterpy) or both.")] = (
         "compiled"
     ),
     rate: Annotated[float, typer.Option(metavar="HZ", help="Rate of the common clock.")] = 100.0,
@@ -121,8 +121,8 @@ def estimate(
     from roadlog.files import output
     from roadlog.filters import ENGINES
 
-    if engine not in ENGINES:
-        raise typer.BadParameter(f"must be {' or '.join(ENGINES)}", param_hint="--engine")
+    if engine not in (*ENGINES, "both"):
+        raise typer.BadParameter(f"must be {', '.join(ENGINES)} or both", param_hint="--engine")
     if not 1.0 <= rate <= 2000.0:
         raise typer.BadParameter("must be between 1 and 2000 Hz", param_hint="--rate")
     if out is not None and len(logs) > 1:
@@ -162,6 +162,7 @@ def _estimate_log(
 ) -> tuple[dict[str, Any], list[str]]:
     from roadlog import estimators
     from roadlog.errors import EstimatorError
+    from roadlog.estimators.engines import run_on
     from roadlog.log import DriveLog
 
     log, target = target.of(DriveLog(path, profile))
@@ -178,7 +179,7 @@ def _estimate_log(
         for name in chosen:
             try:
                 with console.working(f"{name} ({chosen.index(name) + 1} of {len(chosen)})"):
-                    made = estimators.run(name, drive, vehicle, by_name.get(name), engine, faults)
+                    made = run_on(engine, name, drive, vehicle, by_name.get(name), faults)
             except EstimatorError as error:  # one that refuses is not the end of the others
                 refused[name] = str(error).removeprefix(f"{name} cannot run: ")
                 continue

@@ -54,7 +54,7 @@ def calibration() -> Reproduction:
         for angle in estimator.gives:
             case = f"{estimator.name}, {angle}"
             figures = {label: errors.get(angle) for label, errors in runs.items()}
-            rows += [Row(case, f"RMSE, {k}", "deg", None, None, v) for k, v in figures.items()]
+            rows += [Row(case, "", f"RMSE, {k}", "deg", None, v) for k, v in figures.items()]
             before, after = figures["unknown car"], figures["calibrated"]
             if before is not None and after is not None:
                 total += 1
@@ -64,7 +64,7 @@ def calibration() -> Reproduction:
         better > 0.75 * total,
         f"{better} of {total}",
     )
-    return Reproduction("calibration", [ResultTable("over another pass", rows)], [claim])
+    return Reproduction("calibration", [ResultTable("over another pass", rows)], [], [claim])
 
 
 def _simulated(name: str, duration: float, seed: int) -> Simulation:

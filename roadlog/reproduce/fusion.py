@@ -74,7 +74,7 @@ def fusion(seeds: tuple[int, ...] = SEEDS, names: list[str] | None = None) -> Re
         ResultTable("fusion with two antennas", list(_alone(cases, "antennas"))),
         ResultTable("honesty with two antennas", list(_honesty(cases))),
     ]
-    return Reproduction("fusion", tables, _claims(cases))
+    return Reproduction("fusion", tables, [], _claims(cases))
 
 
 def _case(name: str, seeds: tuple[int, ...]) -> Case:
@@ -146,17 +146,17 @@ def _beside(cases: list[Case], inputs: str, angle: str) -> Iterator[Row]:
         runs = getattr(case, inputs)
         for metric in ("rmse", "std"):
             now = _mean(runs, "fusion", angle, f"{metric}_deg")
-            yield Row(f"{case.name}, fusion", metric, "deg", None, None, now)
+            yield Row(f"{case.name}, fusion", "", metric, "deg", None, now)
         other = _best_other(runs, angle)
         if other is not None:
-            yield Row(f"{case.name}, {other[0]} (next best)", "rmse", "deg", None, None, other[1])
+            yield Row(f"{case.name}, {other[0]} (next best)", "", "rmse", "deg", None, other[1])
 
 
 def _alone(cases: list[Case], inputs: str) -> Iterator[Row]:
     for case in cases:
         for angle in ANGLES:
             now = _mean(getattr(case, inputs), "fusion", angle, "rmse_deg")
-            yield Row(f"{case.name}, {angle}", "rmse", "deg", None, None, now)
+            yield Row(f"{case.name}, {angle}", "", "rmse", "deg", None, now)
 
 
 def _honesty(cases: list[Case]) -> Iterator[Row]:
@@ -164,7 +164,7 @@ def _honesty(cases: list[Case]) -> Iterator[Row]:
         for angle in ANGLES:
             for metric in ("within_2sd", "nees"):
                 now = _mean(case.antennas, "fusion", angle, metric)
-                yield Row(f"{case.name}, {angle}", metric, "-", None, None, now)
+                yield Row(f"{case.name}, {angle}", "", metric, "-", None, now)
 
 
 def _claims(cases: list[Case]) -> list[Claim]:
