@@ -217,8 +217,8 @@ def _claims(said: Mapping[str, Mapping[str, float]], place: Mapping[str, float])
                 f"sideslip {m['model beta']:.2f} of {m['beta']:.2f} deg (RMS)"
                 for name, m in zip(DRIVEN, driven, strict=True)
             ),
-            "single-track car on steering and speed alone: on the laps it knows nothing of the "
-            "bank, in the slalom the sideslip is small beside the steering's offset",
+            "single-track car on steering and speed alone; in the chirp it is a quarter of "
+            "a degree, and the tires' relaxation is not in the model",
         ),
         Claim(
             "slalom on a flat road: |bank| < 1 deg",
