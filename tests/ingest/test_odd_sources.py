@@ -26,7 +26,14 @@ def command(tmp_path, monkeypatch, capsys) -> Ingest:
     """`roadlog ingest ... -o out.mcap`: its exit code and what it says on stderr."""
 
     def run(*arguments: object) -> tuple[int, str]:
-        words = ["roadlog", "ingest", *map(str, arguments), "-o", str(tmp_path / "out.mcap")]
+        words = [
+            "roadlog",
+            "ingest",
+            *map(str, arguments),
+            "-o",
+            str(tmp_path / "out.mcap"),
+            "--force",
+        ]
         monkeypatch.setattr(sys, "argv", words)
         with pytest.raises(SystemExit) as ended:
             cli.main()
@@ -174,7 +181,7 @@ def test_rows_without_a_time_are_left_out_and_counted(tmp_path, rows, lost):
     ("data", "words"),
     [
         (b't,v\n0,"1\n0.1,2\n', "a quote that does not end"),
-        (b"t,v\n0,1\n0.1,\x00\n0.2,3\n", "none of the formats"),
+        (b"t,v\n0,1\n0.1,\x00\n0.2,3\n", "is of no known format"),
         (b"t,v\n2019,1\n", "has no 'w'. There are: v"),
         (b"1,2\n3,4\n", "its first line holds numbers"),
     ],
@@ -298,7 +305,7 @@ def test_a_folder_stands_for_the_files_in_it(tmp_path, command):
     assert "not a source: notes.txt" in result.notes
     empty = tmp_path / "empty"
     empty.mkdir()
-    assert "holds no file of a format" in refused(command, tmp_path, empty)
+    assert "holds no file of a known format" in refused(command, tmp_path, empty)
 
 
 def trace(path: Path, count: int) -> Path:

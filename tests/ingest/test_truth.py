@@ -97,7 +97,7 @@ def smoothed_error_deg(path: Path, name: str) -> float:
     known = log.truth()
     track = log.estimate(name)
     grade = np.asarray(track.grade, np.float64)
-    own, at = track.time, (known.time - log.drive().start_ns) * 1e-9
+    own, at = track.time, (known.time_ns - log.drive().start_ns) * 1e-9
     usable = np.isfinite(grade)
     own, grade = own[usable], grade[usable]
     errors = []
