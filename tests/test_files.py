@@ -58,10 +58,9 @@ def test_what_a_killed_run_left_goes(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {"b.csv", "c.csv"}
 
 
-@pytest.mark.parametrize("force", [False, True])
-def test_what_appears_meanwhile_stays(tmp_path: Path, force: bool) -> None:
+def test_what_appears_meanwhile_stays(tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
-    with pytest.raises(LogWriteError, match="another"), files.replacing(out, force=force):
+    with pytest.raises(LogWriteError, match="another"), files.replacing(out):
         out.write_bytes(FOREIGN)
     assert out.read_bytes() == FOREIGN
     assert list(tmp_path.iterdir()) == [out]
@@ -121,6 +120,6 @@ def test_a_protected_file_stays(tmp_path: Path) -> None:
 
 def test_a_folder_that_was_made_for_nothing_goes(tmp_path: Path) -> None:
     out = tmp_path / "a" / "b" / "out.csv"
-    with pytest.raises(FileNotFoundError), files.folder_for(out):
+    with pytest.raises(FileNotFoundError), files.output(out):
         (out.parent / "no.csv").read_bytes()
     assert not list(tmp_path.iterdir())

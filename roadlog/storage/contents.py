@@ -102,19 +102,34 @@ def contents(source: Source) -> Contents:
     What a log makes us inflate and list is bounded by what lies in the file.
     """
     found = _contents(source)
+    found.chunks = _sound(found.chunks, found.losses)
     _check_bounds(source, found.chunks)
     if len(found.channels) > MOST_CHANNELS:
         raise Damage(f"it declares {len(found.channels)} channels, more than {MOST_CHANNELS}")
     return found
 
 
-def _check_bounds(source: Source, chunks: Sequence[Chunk]) -> None:
+def _sound(chunks: Sequence[Chunk], losses: list[str]) -> list[Chunk]:
+    """Chunks that declare no more than their length can hold; what is left out goes into `losses`.
+
+    One wrong size is no reason to lose a drive. Raises Damage where no other chunk is left.
+    """
+    sound, said = [], []
     for chunk in chunks:
-        if chunk.size > max(FREE // 2, MOST_INFLATED * chunk.length):
-            raise Damage(
-                f"the chunk at byte {chunk.offset} would inflate from {chunk.length} to "
-                f"{chunk.size} bytes"
-            )
+        if chunk.size <= max(FREE // 2, MOST_INFLATED * chunk.length):
+            sound.append(chunk)
+            continue
+        said.append(
+            f"the chunk at byte {chunk.offset} is damaged and was skipped: it would inflate from "
+            f"{chunk.length} to {chunk.size} bytes"
+        )
+    if said and not sound:
+        raise Damage(said[0])
+    losses += said
+    return sound
+
+
+def _check_bounds(source: Source, chunks: Sequence[Chunk]) -> None:
     inflated = sum(chunk.size for chunk in chunks)
     if inflated > max(FREE, MOST_INFLATED * source.size):
         raise Damage(
@@ -240,6 +255,7 @@ def scan(source: Source) -> Contents:
     else:
         if data_end is None:
             result.losses.append("it is damaged: no record ends its data")
+    chunks = _sound(chunks, result.losses)
     _check_bounds(source, chunks)
     for chunk in chunks:
         _take_stock(source, chunk, result)

@@ -144,7 +144,7 @@ def test_unreadable_log_is_one_line(
         (["--set", "kmbe.smoth=1"], "Close: smooth"),
         (["-e", "kmb"], "Close: kmbe"),
         (["--vehicle", "none.toml"], "none.toml"),
-        (["--engine", "fast"], "compiled or reference"),
+        (["--engine", "fast"], "compiled, reference or both"),
         (["--rate", "0"], "between 1 and 2000"),
         (["--set", "kmbe"], "NAME.PARAM=VALUE"),
     ],

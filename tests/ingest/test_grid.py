@@ -104,7 +104,7 @@ def test_a_delay_reaches_back_to_the_start_of_the_recording_only(tmp_path):
 
 def test_one_estimator_that_refuses_is_a_note_and_the_others_are_written(tmp_path):
     log = tmp_path / "slow.mcap"
-    create(log, hill_tables(rate=2.0))  # too slow for fusion
+    create(log, hill_tables(duration=0.8))  # too short for fusion
     command = ["estimate", str(log), "-e", "fusion", "-e", "lowpass_attitude"]
     result = CliRunner().invoke(app, command)
     assert "fusion cannot run: the IMU has no run" in result.stderr

@@ -107,7 +107,7 @@ def test_a_mount_needs_every_axis_that_it_mixes():
         ('[sped]\nv = { from = "v", unit = "m/s" }', "unknown section .sped.. Close: speed"),
         ('[imu]\naccelx = { from = "v", unit = "m/s" }', "unknown signal 'accelx'. Close: accel_x"),
         ('[speed]\nv = { form = "v", unit = "m/s" }', "unknown key 'form'. Close: from"),
-        ('[speed]\nv = { from = "v", unit = "kmph2" }', "unknown unit 'kmph2'. Close: .*kmph"),
+        ('[speed]\nv = { from = "v", unit = "kmph2" }', "unknown unit 'kmph2'. Close: .*km/h"),
         ('[speed]\nv = { from = "v", unit = "deg" }', "measures angle, but speed"),
         ('[speed]\nv = { from = "v" }', "unit is missing"),
         ('[speed]\nv = { unit = "m/s" }', "from is missing"),

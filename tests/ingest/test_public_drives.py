@@ -47,7 +47,7 @@ def test_comma2k19_axes_and_clocks_give_the_documented_baseline(shared, roadlog,
     acceleration = np.gradient(drive.speed[known], drive.dt)
     raw = (drive["imu.accel_x"][known] - acceleration) / G
     grade = np.arcsin(np.clip(sosfiltfilt(low, raw), -1, 1))
-    at = (truth.time - drive.start_ns) * 1e-9
+    at = (truth.time_ns - drive.start_ns) * 1e-9
     inside = (at >= 0.0) & (at < drive.time[known][-1])
     error = np.interp(at[inside], drive.time[known], grade) - truth.angles["grade"][inside]
     assert np.degrees(error.std()) == pytest.approx(0.375, abs=0.03)

@@ -102,11 +102,11 @@ def test_an_object_that_was_changed_meanwhile_stays(
     foreign = b"another program wrote this" * 10
     put_back = sources.put_back
     for is_conditional in (True, False):
-        store.upload_file(str(tmp_path / "a.mcap"), "fleet", "logs/a.mcap")
-        (source,) = sources.find(["s3://fleet/logs"])
+        store.upload_file(str(tmp_path / "a.mcap"), "fleet", "changed/a.mcap")
+        (source,) = sources.find(["s3://fleet/changed"])
 
         def late(source: sources.Source, path: Path) -> sources.Source:
-            store.put_object(Bucket="fleet", Key="logs/a.mcap", Body=foreign)
+            store.put_object(Bucket="fleet", Key="changed/a.mcap", Body=foreign)
             return put_back(source, path)
 
         monkeypatch.setattr(row, "put_back", late)
@@ -115,7 +115,7 @@ def test_an_object_that_was_changed_meanwhile_stays(
         made = row.run_log(source, row.Options(("lowpass_attitude",), write_back=True)).row
         assert made["status"] == "failed"
         assert "another program" in made["message"]
-        assert store.get_object(Bucket="fleet", Key="logs/a.mcap")["Body"].read() == foreign
+        assert store.get_object(Bucket="fleet", Key="changed/a.mcap")["Body"].read() == foreign
 
 
 @pytest.mark.parametrize("name", ["../escaped.txt", "a/../../escaped.txt", "/abs.txt", "a\\b.txt"])

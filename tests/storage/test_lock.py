@@ -19,9 +19,7 @@ from roadlog.storage.lock import exclusive
 def test_a_writer_waits_for_the_other(hill_log: Path, hill_drive: Drive) -> None:
     log = DriveLog(hill_log)
     estimate = estimators.run("incl_kinematic", hill_drive, log.vehicle)
-    writer = threading.Thread(
-        target=log.write, args=([estimate], hill_drive), kwargs={"engine": "compiled"}
-    )
+    writer = threading.Thread(target=log.write, args=([estimate],))
     before = hill_log.read_bytes()
     with exclusive(hill_log):
         writer.start()
