@@ -159,9 +159,8 @@ def of_urban(drives: urban.Runs, full: urban.Runs) -> list[Claim]:
             ahead(simple, urban.OURS),
             f"{said(simple, *every[1:])}; full car {said(rocking, *every[1:])}",
             "where all are within some hundredths of a degree the order is chance: 8 drives know a "
-            "mean to about 0.02 deg. Tried: weights by variance (a row above), and the turning of "
-            "the bias with the body (docs/methods/kim2023.md#strapdown), which is the same in both "
-            "kinds of window",
+            "mean to about 0.02 deg. Tried: weights by variance (a row above). Not tried: what the "
+            "accelerometer's bias does as the body turns (docs/methods/kim2023.md#strapdown)",
         ),
         Claim(
             "Fig 26: it converges within a few stops, the others over minutes",
