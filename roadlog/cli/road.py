@@ -127,7 +127,7 @@ def summary(model: RoadModel) -> str:
 
     ways = "both directions" if model.both_ways else "one direction"
     return (
-        f"{model.length:.0f} m, {model.drives} drives, {ways}; sd of grade "
+        f"{model.length:.0f} m, {console.plural(model.drives, 'drive')}, {ways}; sd of grade "
         f"{known(model.grade_sd)}, of bank "
         f"{known(model.bank_sd)}, elevation {np.nanmedian(model.z_sd):.1f} m"
     )

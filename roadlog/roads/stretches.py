@@ -23,6 +23,7 @@ TURNED = np.radians(120.0)  # rad, after which a chunk ends: the way may lead ba
 SHORTEST = 10  # points; a shorter meeting is a crossing, a shorter detour a parked car
 JUMP = 10 * STEP  # m without a known grade, after which a pass begins anew
 SLANT = 0.2  # of lateral against longitudinal way, beyond which two roads only cross
+STOREY = 8.0  # m of altitude between two roads; a receiver wanders less within a drive
 HOLE = 6  # points that the way over a hole may be off the known road's
 BEHIND = int(REACH / STEP) + 3  # points of a stretch's end that its own next points meet
 LOOK = 8  # nearest known points that are asked
@@ -59,10 +60,14 @@ class Places:
         self.course = np.empty(0)
         self.stretch = np.empty(0, np.int64)
         self.node = np.empty(0, np.int64)
+        self.altitude = np.empty(0)
+        self.owner = np.empty(0, np.int64)
         self._trees: list[tuple[int, Any]] = []
 
-    def add(self, xyz: Floats, course: Floats, stretch: int, first: int) -> None:
-        """Points of one stretch, the first of which is its node `first`."""
+    def add(
+        self, xyz: Floats, course: Floats, altitude: Floats, owner: int, stretch: int, first: int
+    ) -> None:
+        """Points of one pass on one stretch, the first of which is its node `first`."""
         from scipy.spatial import cKDTree
 
         begin = len(self.xyz)
@@ -70,13 +75,21 @@ class Places:
         self.course = np.concatenate([self.course, course])
         self.stretch = np.concatenate([self.stretch, np.full(len(xyz), stretch)])
         self.node = np.concatenate([self.node, first + np.arange(len(xyz))])
+        self.altitude = np.concatenate([self.altitude, altitude])
+        self.owner = np.concatenate([self.owner, np.full(len(xyz), owner)])
         # trees of growing size, so that each point is put into few of them
         while self._trees and begin - self._trees[-1][0] <= len(self.xyz) - begin:
             begin = self._trees.pop()[0]
         self._trees.append((begin, cKDTree(self.xyz[begin:])))
 
-    def nearest(self, xyz: Floats, course: Floats) -> NDArray[np.int64]:
-        """Index of the nearest known point along or against the way; -1 where there is none."""
+    def nearest(
+        self, xyz: Floats, course: Floats, altitude: Floats, owner: int
+    ) -> NDArray[np.int64]:
+        """Index of the nearest known point along or against the way; -1 where there is none.
+
+        A pass that is higher up by more than STOREY than where it was before is on another road;
+        the altitudes of two receivers cannot be compared.
+        """
         best = np.full(len(xyz), -1)
         least = np.full(len(xyz), np.inf)
         for begin, tree in self._trees:
@@ -86,6 +99,8 @@ class Places:
             turn = course[:, None] - self.course[index]
             there &= np.abs(np.sin(turn)) < np.sin(PARALLEL)
             there &= (np.cos(turn) > 0) | (away < REACH_BACK)
+            climb = np.abs(altitude[:, None] - self.altitude[index])
+            there &= ~((self.owner[index] == owner) & (climb > STOREY))
             away[~there] = np.inf
             column = away.argmin(axis=1)
             rows = np.arange(len(xyz))
@@ -110,7 +125,7 @@ def stretches(passes: Sequence[Pass]) -> list[Stretch]:
         for chunk in _chunks(own):
             if last_chunk is None or own.distance[chunk[0]] - own.distance[last_chunk[-1]] > JUMP:
                 open_stretch = None
-            near = places.nearest(xyz[chunk], own.course[chunk])
+            near = places.nearest(xyz[chunk], own.course[chunk], own.altitude[chunk], owner)
             open_stretch = found.place(owner, own, xyz, chunk, near, places, open_stretch)
             last_chunk = chunk
     return joined(found.stretches, passes)
@@ -159,7 +174,8 @@ class _Book:
                 self.stretches.append(Stretch(np.empty(0), np.empty(0), np.empty(0)))
                 self._extend(which, own, points)
             stretch = self.stretches[which]
-            places.add(xyz[points], own.course[points], which, len(stretch.latitude) - len(points))
+            first = len(stretch.latitude) - len(points)
+            places.add(xyz[points], own.course[points], own.altitude[points], owner, which, first)
             last_node = len(stretch.latitude) - 1
             nodes = last_node - len(points) + 1, last_node
             stretch.runs.append(Run(owner, points, True, nodes))
@@ -210,7 +226,8 @@ def _meetings(
     cuts = np.flatnonzero(~goes_on) + 1
     result = []
     for part in np.split(np.arange(len(chunk)), cuts):
-        at_edge = part[0] == 0 or part[-1] == len(chunk) - 1
+        # at a chunk's edge the rest of a run may lie in the next; a turn there is no way back
+        at_edge = (part[0] == 0 or part[-1] == len(chunk) - 1) and forward[part[0]]
         if not hit[part[0]] or (len(part) < SHORTEST and not at_edge) or len(part) < 2:
             continue
         away = np.linalg.norm(xyz[chunk[part]] - places.xyz[near[part]], axis=1)

@@ -48,6 +48,7 @@ def road_figure(model: RoadModel, passes: Sequence[Pass], truth: RoadModel | Non
     figure.suptitle(f"{model.name}: {model.length:.0f} m, {model.drives} drives, {ways}")
     for own in passes:
         _drive(axes, model, own)
+    axes[0].plot([], [], color=DRIVE, lw=0.6, label="drives, as estimated in the car")
     rows = (
         ("grade", np.degrees(model.grade), np.degrees(model.grade_sd), "grade [°]"),
         ("bank", np.degrees(model.bank), np.degrees(model.bank_sd), "bank [°]"),
@@ -61,6 +62,8 @@ def road_figure(model: RoadModel, passes: Sequence[Pass], truth: RoadModel | Non
         axis.plot(model.s, values, color=COLOR[name], lw=1.4, label=f"road ({name})")
         if truth is not None:
             _truth(axis, truth, name)
+        if not np.isfinite(values).any():
+            axis.text(0.5, 0.5, f"no estimate of the {name}", transform=axis.transAxes, ha="center")
         axis.set_ylabel(label)
         axis.grid(True, lw=0.4, alpha=0.5)
         axis.margins(x=0)

@@ -23,13 +23,6 @@ WIREFRAMES = 3  # estimators whose body is drawn
 
 
 @dataclass(frozen=True)
-class Pose:
-    """Orientation over the drive as quaternions (n, 4), x y z w, in the car's yawed frame."""
-
-    quaternions: Floats
-
-
-@dataclass(frozen=True)
 class Scene:
     """Everything of the 3-D view; m, x east, y north, z up, heights exaggerated.
 

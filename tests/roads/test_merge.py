@@ -108,6 +108,18 @@ def test_hairpins_are_not_one_road_driven_back() -> None:
     assert found[0].passes.max() == 3
 
 
+def test_a_road_above_itself_is_not_driven_back() -> None:
+    """Legs 4 m apart in opposite directions, the second one 20 m and more higher up."""
+    turn = np.linspace(0.0, np.pi, 8)[1:-1]
+    x = np.concatenate([np.arange(0, 300.0, 5), 300 + 2 * np.sin(turn), np.arange(300.0, 0, -5)])
+    y = np.concatenate([np.zeros(60), 2 * (1 - np.cos(turn)), np.full(60, 4.0)])
+    z = np.concatenate([np.zeros(60), np.linspace(0, 20, 6), np.full(60, 20.0)])
+    line = road_of("storeys", HOME, x, y, z, grade=np.zeros(len(x)), bank=np.zeros(len(x)))
+    (found,) = roads([driven(line, 1)])
+    assert not found.both_ways
+    assert found.passes.max() == 1
+
+
 def test_drives_that_begin_elsewhere_are_still_one_road(road: RoadModel) -> None:
     early, late = road.between(None, 2000.0), road.between(900.0, None)
     found = roads([driven(early, 1), driven(late, 2), driven(late, 3, forward=False)])

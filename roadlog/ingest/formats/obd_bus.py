@@ -15,7 +15,6 @@ from roadlog.types import Floats, Stamps
 SHORT_ANSWERS = range(0x7E8, 0x7F0)  # ISO 15765-4: 11-bit answers of up to eight ECUs
 LONG_ANSWERS = range(0x18DAF100, 0x18DAF200)  # 29-bit answers to the tester 0xF1
 SINGLE, FIRST, NEXT = 0, 1, 2  # ISO 15765-2: kind of a frame, the high half of its first byte
-PADDING = (0x00, 0x55, 0xAA, 0xCC, 0xFF)
 # data bytes of each parameter of service 01 (J1979 appendix B), for those that come in one answer
 # fmt: off
 SIZES = dict(enumerate((
