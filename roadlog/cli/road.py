@@ -33,7 +33,8 @@ def road(
         str, typer.Option("-e", "--estimator", metavar="NAME", help="Whose angles to merge.")
     ] = "fusion",
     step: Annotated[
-        float, typer.Option(metavar="M", min=0.25, help="Between the points of the road.")
+        float,
+        typer.Option(metavar="M", min=0.25, max=100.0, help="Between the road's points."),
     ] = STEP,
     first: Annotated[float | None, typer.Option("--from", metavar="M")] = None,
     last: Annotated[float | None, typer.Option("--to", metavar="M")] = None,
@@ -65,8 +66,7 @@ def road(
     if not passes:
         raise LogReadError(f"none of {len(failed)} logs can tell of a road")
     models = roads(passes, out.stem)
-    if first is not None or last is not None:
-        models = [model.between(first, last) for model in models]
+    models = [model.between(first, last) for model in models]
     if not models:
         raise LogReadError("the drives are too short for a road: 40 m at least")
     for k, model in enumerate(models, 1):

@@ -97,7 +97,7 @@ class RoadModel:
         )
         dx, dy = x.derivative()(s), y.derivative()(s)
         heading = np.unwrap(np.arctan2(dy, dx))
-        height = CubicHermiteSpline(self.s, self.z, np.tan(self.grade) + self.tilt)
+        height = CubicHermiteSpline(self.s, self.z, self.slope + self.tilt)
         known = np.isfinite(self.bank)
         bank = np.full(len(s), np.nan)
         if known.sum() > 1:
@@ -111,15 +111,27 @@ class RoadModel:
             z=height(s),
             heading=_wrapped(heading),
             curvature=np.gradient(heading, s) / np.hypot(dx, dy),
-            grade=np.arctan(height.derivative()(s) - self.tilt),
+            grade=np.where(
+                np.isnan(np.interp(s, self.s, self.grade)),
+                np.nan,
+                np.arctan(height.derivative()(s) - self.tilt),
+            ),
             bank=bank,
         )
 
     @property
+    def slope(self) -> Floats:
+        """Tangent of the grade; between the known ones where it is not. Raises ConfigError."""
+        known = np.isfinite(self.grade)
+        if not known.any():
+            raise ConfigError(f"{self.name}: its grade is known nowhere")
+        return np.interp(self.s, self.s[known], np.tan(self.grade[known]))
+
+    @property
     def tilt(self) -> float:
         """Mean slope of z above that of the grade: what the altitudes say of the grade's mean."""
-        rise = np.tan(self.grade)
-        integral = np.nansum(0.5 * (rise[1:] + rise[:-1]) * np.diff(self.s))
+        rise = self.slope
+        integral = np.sum(0.5 * (rise[1:] + rise[:-1]) * np.diff(self.s))
         return float((self.z[-1] - self.z[0] - integral) / self.length)
 
     def between(self, first: float | None, last: float | None) -> RoadModel:

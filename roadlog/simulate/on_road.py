@@ -29,8 +29,8 @@ def on_road(scenario: Scenario, road: RoadModel) -> Scenario:
     fine = road.refined(STEP)
     s = fine.s - fine.s[0]
     heading = np.unwrap(fine.heading)
-    grade = np.tan(fine.grade)
-    bank = np.nan_to_num(np.tan(fine.bank) / np.cos(fine.grade))
+    grade = fine.slope
+    bank = np.nan_to_num(np.tan(fine.bank) * np.hypot(1, grade))
     latitude, longitude = road.positions
     altitude = float(road.z[0]) if np.isfinite(road.z[0]) else 0.0
     shape = RoadShape(

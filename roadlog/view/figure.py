@@ -75,6 +75,12 @@ def write_figure(view: DriveView, path: Path, part: Part = WHOLE) -> None:
         raise LogReadError(
             f"{view.name}: has no estimates and no truth to draw; run `roadlog estimate` first"
         )
+    drawn = [*view.truth.values(), *view.estimates.values()]
+    if not any(part.inside(curve).any() for curves in drawn for curve in curves.values()):
+        raise LogReadError(
+            f"{view.name}: nothing lies between --from {part.first} and --to {part.last}, "
+            f"{part.label}"
+        )
     # the same log gives the same bytes: no random ids, no date; text in an svg stays text
     with matplotlib.rc_context({"svg.hashsalt": "roadlog", "svg.fonttype": "none"}):
         figure = angle_figure(view, part)

@@ -157,3 +157,33 @@ def test_endings_that_no_road_has(road: RoadModel, tmp_path: Path) -> None:
         formats.write(road, tmp_path / "road.png")
     with pytest.raises(ConfigError, match="two points"):
         road_of("x", HOME, np.zeros(1), np.zeros(1), np.zeros(1))
+
+
+@pytest.mark.parametrize("ending", [".csv", ".xodr"])
+def test_a_grade_that_is_not_known_everywhere(road: RoadModel, tmp_path: Path, ending: str) -> None:
+    from dataclasses import replace
+
+    grade = road.grade.copy()
+    grade[40:60] = np.nan
+    holed = replace(road, grade=grade)
+    assert np.isnan(holed.refined(1.0).grade).any()
+    formats.write(holed, tmp_path / f"holed{ending}")
+    assert "NaN" not in (tmp_path / f"holed{ending}").read_text().split("userData")[0]
+    assert formats.read(tmp_path / f"holed{ending}").length == pytest.approx(road.length, abs=1)
+    with pytest.raises(ConfigError, match="known nowhere"):
+        replace(road, grade=np.full(len(road), np.nan)).refined(1.0)
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ("", "has no rows"),
+        ("48,9,nan\n48.01,9,nan\n", "grade_rad"),
+        ("480,9,0\n481,9,0\n", "latitude"),
+    ],
+)
+def test_tables_that_are_no_road(tmp_path: Path, rows: str, words: str) -> None:
+    path = tmp_path / "road.csv"
+    path.write_text("latitude_deg,longitude_deg,grade_rad\n" + rows)
+    with pytest.raises(LogReadError, match=words):
+        formats.read(path)

@@ -52,7 +52,7 @@ def to_bytes(model: RoadModel, ending: str) -> bytes:
                 y0=float(fine.y[0]),
                 z0=float(fine.z[0]),
                 slope=np.diff(fine.z) / STEP,
-                banking=np.nan_to_num(np.tan(fine.bank) / np.cos(fine.grade)),
+                banking=np.nan_to_num(np.tan(fine.bank) * np.hypot(1, fine.slope)),
                 comment=comment,
                 mods={},  # without this section readers move the road to the origin
                 road={

@@ -42,7 +42,7 @@ def to_bytes(model: RoadModel, ending: str) -> bytes:
     _plan_view(ET.SubElement(road, "planView"), model, s)
     _cubics(
         ET.SubElement(road, "elevationProfile"), "elevation", s, model.z,
-        np.tan(model.grade) + model.tilt,
+        model.slope + model.tilt,
     )  # fmt: skip
     lateral = ET.SubElement(road, "lateralProfile")
     if np.isfinite(model.bank).any():

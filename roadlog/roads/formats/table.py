@@ -29,6 +29,7 @@ HEADINGS = {
     "bank_common_sd_rad": "bank_common_sd",
     "passes": "passes",
 }
+STEEPEST = 0.8  # rad; no road that a car drives
 NEEDED = ("latitude_deg", "longitude_deg", "grade_rad")
 
 
@@ -70,10 +71,13 @@ def read(path: Path) -> RoadModel:
             f"it has no {', '.join(lacking)}"
         )
     latitude, longitude = table["latitude_deg"], table["longitude_deg"]
-    if len(latitude) < 2 or not np.isfinite([latitude, longitude]).all():
-        raise LogReadError(
-            f"{path}: latitude_deg, longitude_deg: needs two rows or more, all numbers"
-        )
+    for name, limit in (("latitude_deg", 90.0), ("longitude_deg", 360.0)):
+        if len(table[name]) < 2 or not (np.abs(table[name]) <= limit).all():
+            raise LogReadError(
+                f"{path}: {name}: needs two rows or more, all numbers within {limit:g}"
+            )
+    if not (np.abs(table["grade_rad"]) <= STEEPEST).any():
+        raise LogReadError(f"{path}: grade_rad: no slope of a road in rad (0.8 is 45 deg)")
     middle = float(np.median(latitude)), float(longitude[len(longitude) // 2])
     x, y = TransverseMercator(*middle).forward(latitude, longitude)
     given = {a: table[h] for h, a in HEADINGS.items() if h in table}
@@ -96,8 +100,10 @@ def _parquet(path: Path) -> dict[str, Floats]:
 def _csv(path: Path) -> dict[str, Floats]:
     try:
         with path.open(encoding="utf-8-sig") as file:
-            names = file.readline().strip().split(",")
-            values = np.loadtxt(file, delimiter=",", ndmin=2)
+            names, rows = file.readline().strip().split(","), file.readlines()
+        if not rows:
+            raise LogReadError(f"{path}: no road table: it has no rows")
+        values = np.loadtxt(rows, delimiter=",", ndmin=2)
     except (OSError, ValueError) as error:
         raise LogReadError(f"{path}: no road table: {error}") from error
     if values.shape[1] != len(names):
