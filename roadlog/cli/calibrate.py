@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from roadlog.cli import console
+from roadlog.cli import console, options
 
 if TYPE_CHECKING:
     from roadlog.calibrate import Calibration
@@ -25,8 +25,8 @@ def calibrate(
         Path | None,
         typer.Option(help="Vehicle file with what is known, instead of the first log's own."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    force: console.Force = False,
+    as_json: options.AsJson = False,
+    force: options.Force = False,
 ) -> None:
     """Find mounting, delays, scales, biases and gradients, each with its standard error.
 

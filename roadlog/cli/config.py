@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import typer
 from typer.core import TyperGroup
 
-from roadlog.cli import console
+from roadlog.cli import console, options
 from roadlog.config import Default, Option, defaults
 
 NOT_SET = frozenset({"help", "version", "debug", "out", "json"})  # belong to one call
@@ -17,7 +17,7 @@ NOT_SET = frozenset({"help", "version", "debug", "out", "json"})  # belong to on
 
 def config(
     context: typer.Context,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Show which defaults hold, and from where: roadlog.toml here or above, the user's, ROADLOG_*.
 

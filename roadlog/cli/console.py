@@ -8,15 +8,13 @@ import math
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import typer
 
 LOSS = 3  # exit code: finished, but something was lost
 PIPE_WIDTH = 140  # columns of a table that is not on a terminal
 FOLDED = 12  # columns that a text is left at least
-
-Force = Annotated[bool, typer.Option("--force", help="Replace the output if it is there.")]
 
 NOTES = 3  # of one run that are said without -v
 

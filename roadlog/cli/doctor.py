@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Annotated
 
 import typer
 
-from roadlog.cli import console
+from roadlog.cli import console, options
 
 _WORDS = {True: "ok", False: "FAILS", None: "-"}
 
 
 def doctor(
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Show versions, extras, the compile cache and the display.
 

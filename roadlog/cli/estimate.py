@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from roadlog.cli import console
+from roadlog.cli import console, options
 
 if TYPE_CHECKING:
     from roadlog.car.vehicle import Vehicle
     from roadlog.drive import Drive
     from roadlog.estimate import Estimate
+    from roadlog.estimators.engines import EngineChoice
     from roadlog.log import DriveLog
 
 
@@ -56,48 +57,66 @@ class Target:
         return earlier, self
 
 
+@dataclass(frozen=True)
+class Work:
+    """What is done to every log.
+
+    names: the estimators, or None for all that can run. vehicle: instead of the log's own.
+    settings: of parameters, by estimator. rate: Hz of the common clock.
+    """
+
+    names: list[str] | None
+    profile: str | None
+    vehicle: Vehicle | None
+    settings: dict[str, dict[str, str]]
+    engine: EngineChoice
+    rate: float
+    checks: bool
+    target: Target
+
+
+InPlace = Annotated[
+    bool,
+    typer.Option(
+        "--in-place",
+        help="Change a very large LOG itself, with an undo journal, instead of copying it.",
+    ),
+]
+InPlaceAnyway = Annotated[
+    bool,
+    typer.Option(
+        "--in-place-anyway",
+        help="Write into a third-party MCAP itself, not into NAME.roadlog.mcap beside it.",
+    ),
+]
+Form = Annotated[
+    str | None,
+    typer.Option(
+        "--as",
+        metavar="ros2",
+        help="Write results and truth as ROS 2 messages: a bag stays one for rosbags, rclpy.",
+    ),
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME.PARAM=VALUE", help="Set a parameter; repeatable."),
+]
+
+
 def estimate(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="MCAP logs.")],
-    names: Annotated[
-        list[str] | None,
-        typer.Option("-e", "--estimator", metavar="NAME", help="Only this one; repeatable."),
-    ] = None,
+    names: options.Estimators = None,
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="Write here and leave LOG as it is.")
     ] = None,
-    in_place: Annotated[
-        bool,
-        typer.Option(
-            "--in-place",
-            help="Change a very large LOG itself, with an undo journal, instead of copying it.",
-        ),
-    ] = False,
-    in_place_anyway: Annotated[
-        bool,
-        typer.Option(
-            "--in-place-anyway",
-            help="Write into a third-party MCAP itself, not into NAME.roadlog.mcap beside it.",
-        ),
-    ] = False,
-    form: Annotated[
-        str | None,
-        typer.Option(
-            "--as",
-            metavar="ros2",
-            help="Write results and truth as ROS 2 messages: a bag stays one for rosbags, rclpy.",
-        ),
-    ] = None,
+    in_place: InPlace = False,
+    in_place_anyway: InPlaceAnyway = False,
+    form: Form = None,
     vehicle: Annotated[
         Path | None, typer.Option(help="Vehicle file (TOML), instead of the log's own.")
     ] = None,
-    profile: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|FILE", help="What the topics of a third-party MCAP mean."),
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME.PARAM=VALUE", help="Set a parameter; repeatable."),
-    ] = None,
+    profile: options.TopicProfile = None,
+    settings: Settings = None,
     engine: Annotated[str, typer.Option(help="compiled (numba), reference (filterpy) or both.")] = (
         "compiled"
     ),
@@ -105,8 +124,8 @@ def estimate(
     checks: Annotated[
         bool, typer.Option(" /--no-checks", help="Do not look for faults of the log first.")
     ] = True,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    force: console.Force = False,
+    as_json: options.AsJson = False,
+    force: options.Force = False,
 ) -> None:
     """Estimate the angles and write them into the log.
 
@@ -119,67 +138,71 @@ def estimate(
     """
     from roadlog.car.vehicle import Vehicle
     from roadlog.files import output
+
+    _check(len(logs), out, in_place, form, engine, rate)
+    parsed = _parse_settings(settings or [])
+    given = Vehicle.load(vehicle) if vehicle else None
+    target = Target(out, in_place, in_place_anyway, form == "ros2")
+    choice = cast("EngineChoice", engine)
+    work = Work(names, profile, given, parsed, choice, rate, checks, target)
+    with output(out, [*logs, vehicle, profile], force=force):
+        _estimate_all(logs, work, as_json)
+
+
+def _check(
+    logs: int, out: Path | None, in_place: bool, form: str | None, engine: str, rate: float
+) -> None:
+    """Raises BadParameter for options that say nothing or contradict each other."""
     from roadlog.filters import ENGINES
 
     if engine not in (*ENGINES, "both"):
         raise typer.BadParameter(f"must be {', '.join(ENGINES)} or both", param_hint="--engine")
     if not 1.0 <= rate <= 2000.0:
         raise typer.BadParameter("must be between 1 and 2000 Hz", param_hint="--rate")
-    if out is not None and len(logs) > 1:
+    if out is not None and logs > 1:
         raise typer.BadParameter("takes one LOG", param_hint="--out")
     if out is not None and in_place:
         raise typer.BadParameter("does not go with --out", param_hint="--in-place")
     if form not in (None, "ros2"):
         raise typer.BadParameter("must be ros2", param_hint="--as")
-    parsed = _parse_settings(settings or [])
-    given = Vehicle.load(vehicle) if vehicle else None
-    target = Target(out, in_place, in_place_anyway, form == "ros2")
+
+
+def _estimate_all(logs: list[Path], work: Work, as_json: bool) -> None:
+    """Each log in turn, printed as it is done, or as JSON at the end."""
     reports, losses = [], []
-    with output(out, [*logs, vehicle, profile], force=force):
-        for path in logs:
-            report, lost = _estimate_log(
-                path, profile, names, target, given, parsed, engine, rate, checks
-            )
-            reports.append(report)
-            losses += lost
-            if not as_json:
-                _print(report)
+    for path in logs:
+        report, lost = _estimate_log(path, work)
+        reports.append(report)
+        losses += lost
+        if not as_json:
+            _print(report)
     if as_json:
         console.print_json(reports[0] if len(reports) == 1 else reports)
     console.warn_losses(losses)
 
 
-def _estimate_log(
-    path: Path,
-    profile: str | None,
-    names: list[str] | None,
-    target: Target,
-    given: Vehicle | None,
-    settings: dict[str, dict[str, str]],
-    engine: Any,
-    rate: float,
-    checks: bool,
-) -> tuple[dict[str, Any], list[str]]:
+def _estimate_log(path: Path, work: Work) -> tuple[dict[str, Any], list[str]]:
+    """One log's report, and what was lost on the way."""
     from roadlog import estimators
     from roadlog.errors import EstimatorError
     from roadlog.estimators.engines import run_on
     from roadlog.log import DriveLog
 
-    log, target = target.of(DriveLog(path, profile))
+    log, target = work.target.of(DriveLog(path, work.profile))
     tables = log.inputs()
-    drive = log.drive(rate, tables)
-    vehicle = log.as_mounted(given) if given else log.vehicle
-    faults = log.faults(vehicle, tables) if checks else []
+    drive = log.drive(work.rate, tables)
+    vehicle = log.as_mounted(work.vehicle) if work.vehicle else log.vehicle
+    faults = log.faults(vehicle, tables) if work.checks else []
     del tables
-    chosen, refused = _chosen(names, settings, drive)
-    by_name = {estimators.get(name).name: values for name, values in settings.items()}
+    chosen, refused = _chosen(work.names, work.settings, drive)
+    settings = {estimators.get(name).name: values for name, values in work.settings.items()}
     summaries = {}
 
     def estimates() -> Iterator[Estimate]:
         for name in chosen:
             try:
                 with console.working(f"{name} ({chosen.index(name) + 1} of {len(chosen)})"):
-                    made = run_on(engine, name, drive, vehicle, by_name.get(name), faults)
+                    made = run_on(work.engine, name, drive, vehicle, settings.get(name), faults)
             except EstimatorError as error:  # one that refuses is not the end of the others
                 refused[name] = str(error).removeprefix(f"{name} cannot run: ")
                 continue
@@ -192,7 +215,7 @@ def _estimate_log(
     log.write(
         estimates(),
         names=chosen,
-        vehicle=given,
+        vehicle=work.vehicle,
         out=target.out,
         in_place=target.in_place,
         as_ros2=target.as_ros2,
@@ -205,7 +228,8 @@ def _estimate_log(
         "estimates": summaries,
         "cannot_run": refused,
     }
-    asked = [f"{name} cannot run: {refused[name]}" for name in chosen if names and name in refused]
+    cannot = {name: refused[name] for name in chosen if work.names and name in refused}
+    asked = [f"{name} cannot run: {reason}" for name, reason in cannot.items()]
     return report, [f"{path}: {loss}" for loss in [*log.losses, *asked]]
 
 

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Annotated
 
-import typer
-
-from roadlog.cli import console
+from roadlog.cli import console, options
 
 
 def estimators(
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """List the estimators: what each needs and gives, its paper.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from roadlog.cli import console
+from roadlog.cli import console, options
 
 if TYPE_CHECKING:
     from roadlog.metrics import AngleMetrics, StopMetrics
@@ -22,11 +22,8 @@ MATCHED = 0.99  # of the truth, below which an estimator's share is said
 
 def evaluate(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs with estimates.")],
-    profile: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|FILE", help="What the topics of a third-party MCAP mean."),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    profile: options.TopicProfile = None,
+    as_json: options.AsJson = False,
     csv: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write one row per estimator and angle.")
     ] = None,
@@ -34,7 +31,7 @@ def evaluate(
     remove_offset: Annotated[
         bool, typer.Option(help="Subtract the mean error (unknown mounting).")
     ] = False,
-    force: console.Force = False,
+    force: options.Force = False,
 ) -> None:
     """Compare every estimate in the log with its truth.
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from roadlog.cli import console
+from roadlog.cli import console, options
 
 
 def export(
@@ -25,7 +25,7 @@ def export(
         float | None,
         typer.Option(metavar="HZ", min=1e-3, max=1e5, help="One grid instead of own times."),
     ] = None,
-    force: console.Force = False,
+    force: options.Force = False,
 ) -> None:
     """Write a log as CSV or Parquet: one row a stamp, one column a signal.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from roadlog.cli import console
+from roadlog.cli import console, options
 
 if TYPE_CHECKING:
     from roadlog.summary import LogSummary
@@ -16,11 +16,8 @@ if TYPE_CHECKING:
 
 def info(
     log: Annotated[Path, typer.Argument(help="An MCAP log.")],
-    profile: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|FILE", help="What the topics of a third-party MCAP mean."),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    profile: options.TopicProfile = None,
+    as_json: options.AsJson = False,
 ) -> None:
     """Show channels, signals, what looks wrong, and which estimators can run.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from roadlog.cli import console
+from roadlog.cli import console, options
 
 if TYPE_CHECKING:
     from roadlog.ingest import IngestResult
@@ -52,7 +52,7 @@ def ingest(
         ),
     ] = "",
     vehicle: Annotated[Path | None, typer.Option(help="Vehicle file to keep in the log.")] = None,
-    force: console.Force = False,
+    force: options.Force = False,
 ) -> None:
     """Turn what the logger wrote into one MCAP drive log.
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from roadlog.cli import console
+from roadlog.cli import console, options
 
 
 def plot(
@@ -17,14 +17,8 @@ def plot(
     out: Annotated[
         Path, typer.Option("-o", "--out", metavar="FILE", help="Ends in .png, .svg or .pdf.")
     ],
-    profile: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|FILE", help="What the topics of a third-party MCAP mean."),
-    ] = None,
-    names: Annotated[
-        list[str] | None,
-        typer.Option("-e", "--estimator", metavar="NAME", help="Only this one; repeatable."),
-    ] = None,
+    profile: options.TopicProfile = None,
+    names: options.Estimators = None,
     over: Annotated[
         str, typer.Option(metavar="time|distance", help="What the angles are drawn over.")
     ] = "time",
@@ -34,7 +28,7 @@ def plot(
     last: Annotated[
         float | None, typer.Option("--to", metavar="S|M", help="Draw up to here.")
     ] = None,
-    force: console.Force = False,
+    force: options.Force = False,
 ) -> None:
     """Draw angles against truth with ±2 sd bands, and errors.
 

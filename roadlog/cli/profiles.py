@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from roadlog.cli import console
+from roadlog.cli import console, options
 
 profile = typer.Typer(
     help="Write a profile: what the names in a log mean.",
@@ -32,7 +32,7 @@ def new(
         list[Path] | None,
         typer.Option(metavar="[BUS=]F", help="DBC file for raw CAN; repeatable."),
     ] = None,
-    force: console.Force = False,
+    force: options.Force = False,
 ) -> None:
     """Write a profile to start from, by names, units and the data itself.
 

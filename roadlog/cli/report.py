@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from roadlog import interrupt
-from roadlog.cli import console
+from roadlog.cli import console, options
 
 if TYPE_CHECKING:
     from roadlog.report.batch import Engine
@@ -22,46 +22,49 @@ if TYPE_CHECKING:
 SHOWN_LOSSES = 20  # on stderr; all are in the report
 
 
+Cluster = Annotated[
+    str | None,
+    typer.Option(metavar="ADDRESS", help="Scheduler of a dask cluster, tcp://head:8786."),
+]
+IngestProfile = Annotated[
+    str | None,
+    typer.Option(metavar="NAME|FILE", help="Ingest each source with this profile."),
+]
+Against = Annotated[
+    str | None,
+    typer.Option(metavar="OTHER_DIR", help="Compare with that report; exit 1 when worse."),
+]
+Threshold = Annotated[
+    float,
+    typer.Option(metavar="PERCENT", min=0.0, help="What counts as worse, with --against."),
+]
+
+
 def report(
     out: Annotated[str, typer.Option("-o", "--out", metavar="DIR", help="Folder or URL to fill.")],
     paths: Annotated[
         list[str] | None,
         typer.Argument(metavar="PATH...", help="Logs, folders, globs or URLs (s3://...)."),
     ] = None,
-    names: Annotated[
-        list[str] | None,
-        typer.Option("-e", "--estimator", metavar="NAME", help="Only this one; repeatable."),
-    ] = None,
+    names: options.Estimators = None,
     jobs: Annotated[
         int | None,
         typer.Option(metavar="N", min=1, help="Processes (default: by cores and memory)."),
     ] = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Scheduler of a dask cluster, tcp://head:8786."),
-    ] = None,
+    cluster: Cluster = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on: skip logs whose row is in DIR.")
     ] = False,
-    profile: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|FILE", help="Ingest each source with this profile."),
-    ] = None,
+    profile: IngestProfile = None,
     vehicle: Annotated[
         Path | None, typer.Option(help="Vehicle file (TOML), instead of the logs' own.")
     ] = None,
     write_back: Annotated[
         bool, typer.Option("--write-back", help="Write the estimates into the logs too.")
     ] = False,
-    against: Annotated[
-        str | None,
-        typer.Option(metavar="OTHER_DIR", help="Compare with that report; exit 1 when worse."),
-    ] = None,
-    threshold: Annotated[
-        float,
-        typer.Option(metavar="PERCENT", min=0.0, help="What counts as worse, with --against."),
-    ] = 10.0,
-    force: console.Force = False,
+    against: Against = None,
+    threshold: Threshold = 10.0,
+    force: options.Force = False,
 ) -> None:
     """Estimate, evaluate and compare many drives: a table and a page, DIR/index.html.
 
@@ -70,71 +73,74 @@ def report(
 
     Example: roadlog report drives/ "more/*.mcap" -o report --jobs 4
     """
-    from roadlog.report import batch, page, run
-    from roadlog.report.run import check_other, finish, output_folder, read_options, read_report
+    from roadlog.report import page
+    from roadlog.report.run import check_other, finish, read_report
 
     page.require()
     if write_back and profile:
         raise typer.BadParameter("needs MCAP logs, not --profile", param_hint="--write-back")
     if jobs is not None and cluster:
         raise typer.BadParameter("is for this machine, not for --cluster", param_hint="--jobs")
+    if not paths and (names or vehicle or profile or write_back or cluster):
+        raise typer.BadParameter("is needed to work on logs", param_hint="PATH")
     if against:
         check_other(out, against)
         read_report(against)  # a wrong name should not show after hours of work
-    if not paths:
-        if names or vehicle or profile or write_back or cluster:
-            raise typer.BadParameter("is needed to work on logs", param_hint="PATH")
-        rows = list(read_report(out).values())
-        with output_folder(out, fetch=True, force=force) as folder:
-            options = read_options(folder)
-            made = finish(rows, options, folder, against=against or "", threshold=threshold / 100)
-        _end(made, out)
-        return
-    options = _options(names, vehicle, profile, write_back)
+    finished = partial(finish, against=against or "", threshold=threshold / 100)
+    if paths:
+        work = _options(names, vehicle, profile, write_back)
+        made = _worked(paths, work, _engine(jobs, cluster), resume, out, force, finished)
+    else:
+        made = _made_again(out, force, finished)
+    _end(made, out)
 
+
+def _made_again(out: str, force: bool, finished: Callable[..., Report]) -> Report:
+    """The report of rows that are there."""
+    from roadlog.report.run import output_folder, read_options, read_report
+
+    rows = list(read_report(out).values())
+    with output_folder(out, fetch=True, force=force) as folder:
+        return finished(rows, read_options(folder), folder)
+
+
+def _worked(
+    paths: list[str],
+    work: Options,
+    engine: Callable[[int], Engine],
+    resume: bool,
+    out: str,
+    force: bool,
+    finished: Callable[..., Report],
+) -> Report:
+    """The report of logs that are worked on now. engine: for a number of logs."""
+    from roadlog.report.run import output_folder, run
     from roadlog.report.sources import LOG_SUFFIXES, SOURCE_SUFFIXES, find
 
-    sources = find(paths, SOURCE_SUFFIXES if profile else LOG_SUFFIXES)
-
-    def engine() -> Engine:
-        if cluster:
-            return batch.cluster_engine(cluster, console.complain)
-        return batch.local_engine(min(jobs or batch.default_jobs(), len(sources)))
-
-    finished = 0
-    try:
-        with (
-            output_folder(out, fetch=resume, force=force) as folder,
-            _progress(len(sources)) as tell,
-        ):
-
-            def progress(row: dict[str, Any]) -> None:
-                nonlocal finished
-                finished += 1
-                tell(row)
-
-            def begun(done: int, _todo: int) -> None:
-                nonlocal finished
-                finished = done
-                tell(None, done)
-
-            rows, before = run.run(
-                sources, options, folder, engine, resume=resume, begun=begun, progress=progress
-            )
-            made = finish(
-                rows,
-                options,
-                folder,
-                against=against or "",
-                threshold=threshold / 100,
-                done_before=before,
-            )
-    except KeyboardInterrupt:
-        interrupt.tell(
-            f"stopped: {finished} of {len(sources)} logs are done; --resume goes on with the rest"
+    sources = find(paths, SOURCE_SUFFIXES if work.profile else LOG_SUFFIXES)
+    with (
+        Progress(len(sources)) as progress,
+        output_folder(out, fetch=resume, force=force) as folder,
+    ):
+        rows, before = run(
+            sources,
+            work,
+            folder,
+            lambda: engine(len(sources)),
+            resume=resume,
+            begun=progress.begin,
+            progress=progress.add,
         )
-        raise
-    _end(made, out)
+        return finished(rows, work, folder, done_before=before)
+
+
+def _engine(jobs: int | None, cluster: str | None) -> Callable[[int], Engine]:
+    """What starts the workers for a number of logs."""
+    from roadlog.report import batch
+
+    if cluster:
+        return lambda _logs: batch.cluster_engine(cluster, console.complain)
+    return lambda logs: batch.local_engine(min(jobs or batch.default_jobs(), logs))
 
 
 def _options(
@@ -158,49 +164,63 @@ def _options(
     )
 
 
-@contextmanager
-def _progress(total: int) -> Iterator[Callable[..., None]]:
-    """A function to call with each row; shows a bar with rate and remaining time on a terminal."""
-    if not sys.stderr.isatty():
-        yield lambda _row, _count=1: None
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+class Progress:
+    """How many logs are done: a bar with rate and time left on a terminal, a line on Ctrl-C."""
 
-    failed = 0
-    bar = Progress(
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[failed]}"),
-        console=Console(stderr=True),
-        transient=True,
-    )
-    with bar:
-        task = bar.add_task("", total=total, rate="", failed="")
+    def __init__(self, total: int) -> None:
+        from rich.console import Console
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
+        from rich.progress import Progress as Bar
 
-        def tell(row: dict[str, Any] | None, count: int = 1) -> None:
-            nonlocal failed
-            failed += row is not None and row["status"] != "ok"
-            bar.advance(task, count)
-            speed = bar.tasks[0].speed
-            bar.update(
-                task,
-                rate=f"{speed:.2g} logs/s" if speed else "",
-                failed=f"{failed} failed" if failed else "",
+        self._total, self._done, self._failed = total, 0, 0
+        self._bar = Bar(
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[rate]}"),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[failed]}"),
+            console=Console(stderr=True),
+            transient=True,
+            disable=not sys.stderr.isatty(),
+        )
+        self._task = self._bar.add_task("", total=total, rate="", failed="")
+
+    def begin(self, done: int, _todo: int) -> None:
+        """done: logs whose row an earlier run wrote."""
+        self._done = done
+        self._bar.advance(self._task, done)
+
+    def add(self, row: Mapping[str, Any]) -> None:
+        """One more log is done."""
+        self._done += 1
+        self._failed += row["status"] != "ok"
+        self._bar.advance(self._task)
+        speed = self._bar.tasks[0].speed
+        self._bar.update(
+            self._task,
+            rate=f"{speed:.2g} logs/s" if speed else "",
+            failed=f"{self._failed} failed" if self._failed else "",
+        )
+
+    def __enter__(self) -> Progress:
+        self._bar.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._bar.stop()
+        if kind is not None and issubclass(kind, KeyboardInterrupt):
+            interrupt.tell(
+                f"stopped: {self._done} of {self._total} logs are done; --resume goes on with the "
+                f"rest"
             )
-
-        yield tell
 
 
 def _end(made: Report, out: str) -> None:

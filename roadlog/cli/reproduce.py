@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from roadlog.cli import console
+from roadlog.cli import console, options
 
 if TYPE_CHECKING:
     from roadlog.reproduce import Claim, Reproduction, ResultTable
@@ -18,7 +18,7 @@ def reproduce(
         list[str] | None,
         typer.Argument(help="Papers, or fusion and calibration; default: the five papers."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: options.AsJson = False,
     figures: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Draw the papers' figures with our data, and a page."),

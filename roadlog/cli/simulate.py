@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from roadlog.cli import console
+from roadlog.cli import console, options
 
 
 def simulate(
@@ -30,7 +30,7 @@ def simulate(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Set a parameter; repeatable."),
     ] = None,
-    force: console.Force = False,
+    force: options.Force = False,
 ) -> None:
     """Simulate a drive: its sensors and the true angles.
 
@@ -70,7 +70,7 @@ def simulate(
 
 
 def scenarios(
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """List the scenarios, and the loads for --load.
 

@@ -8,12 +8,12 @@ from typing import Annotated
 
 import typer
 
-from roadlog.cli import console
+from roadlog.cli import console, options
 
 
 def verify(
     log: Annotated[Path, typer.Argument(help="An MCAP log.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Read a log a second time with the mcap library: all CRCs, every value compared.
 

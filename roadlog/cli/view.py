@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from roadlog.cli import console
+from roadlog.cli import console, options
 
 if TYPE_CHECKING:
     from roadlog.view.model import DriveView
@@ -29,10 +29,7 @@ def view(
     connect: Annotated[
         str | None, typer.Option(metavar="URL", help="Send to a viewer that runs already.")
     ] = None,
-    profile: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|FILE", help="What the topics of a third-party MCAP mean."),
-    ] = None,
+    profile: options.TopicProfile = None,
     rate: Annotated[float, typer.Option(metavar="HZ", help="Samples per second shown.")] = 20.0,
     layout: Annotated[
         str | None,
@@ -40,11 +37,8 @@ def view(
             metavar="foxglove|plotjuggler|rerun", help="Only write a layout for that viewer."
         ),
     ] = None,
-    names: Annotated[
-        list[str] | None,
-        typer.Option("-e", "--estimator", metavar="NAME", help="Only this one; repeatable."),
-    ] = None,
-    force: console.Force = False,
+    names: options.Estimators = None,
+    force: options.Force = False,
 ) -> None:
     """Show drives in Rerun: angles, errors, inputs, scene, map, stops, summary.
 

@@ -15,9 +15,11 @@ from roadlog.estimate import Estimate
 from roadlog.estimators import run
 from roadlog.filters import Engine
 
+EngineChoice = Engine | Literal["both"]
+
 
 def run_on(
-    engine: Engine | Literal["both"],
+    engine: EngineChoice,
     name: str,
     drive: Drive,
     vehicle: Vehicle,
