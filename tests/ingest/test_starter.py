@@ -147,6 +147,14 @@ def test_a_log_without_known_names_gets_a_profile_of_comments(tmp_path):
         ("Breitengrad", "gnss.latitude", "deg"),
         ("Höhe [m]", "gnss.altitude", "m"),
         ("Slope_RTK_deg", "truth.grade", "deg"),
+        ("vVeh\\ETKC:1", "speed.v", "m/s"),
+        ("CAN1::ESP_02::v_Fzg[km/h]", "speed.v", "km/h"),
+        ("Model Root/Car/yaw_rate[rad/s]", "imu.gyro_z", "rad/s"),
+        ("psi_dot", "imu.gyro_z", "rad/s"),
+        ("wNick[°/s]", "imu.gyro_y", "deg/s"),
+        ("Angular rate Yv (deg/s)", "imu.gyro_y", "deg/s"),
+        ("Gyr_X [mdps]", "imu.gyro_x", "mdeg/s"),
+        ("position_lat", "gnss.latitude", "deg"),
         ("Steigung_Ref [%]", "truth.grade", "%"),
     ],
 )
@@ -183,7 +191,7 @@ def test_the_time_is_the_column_that_rises(tmp_path):
     rows = "".join(f"{k % 5};{3 + k * 0.02:.2f};{10 + k % 3}\n" for k in range(200))
     path.write_text(f"Zähler;Kanal 1;Geschwindigkeit [km/h]\n{rows}", encoding="utf-8")
     text = starter([path])
-    assert "the time is taken to be 'Kanal 1', which rises evenly" in text
+    assert "the time is taken to be 'Kanal 1', which goes on as one does" in text
     profile = Profile.from_toml(text, "new")
     assert profile.clock.column == "Kanal 1"
     assert np.ptp(ingest([path], profile).tables[0].time) * 1e-9 == pytest.approx(199 * 0.02)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +39,13 @@ AIM = """"Format","AiM CSV File"
 DEWESOFT = "Data info:\tdrive 7\nStart time:\t14.11.2023 22:13:20\n\n Time (s)\tv (km/h)\tT (°C)\n"
 CANAPE = "time;VehSpd;Temp_Coolant\ns;km/h;°C\n"
 DIADEM = "Comment;2 channels\nDate;14.11.2023\nTime;Speed;Level\ns;km/h;-\n"
-KINDS = ("motec", "aim", "dewesoft", "canape", "diadem", "commented", "blanks")
+LABVIEW = (
+    "LabVIEW Measurement\t\nSeparator\tTab\nDate\t2026/03/01\n***End_of_Header***\t\n\t\n"
+    "Channels\t2\t\t\nSamples\t1\t1\t\nX_Dimension\tTime\tTime\nX0\t0\t0\t\n"
+    "***End_of_Header***\t\t\t\nX_Value\tspeed\tlevel\tComment\n"
+)
+ETAS = "ETASAsciiItemFile\trecord\ntime\tvVeh\\ESP:1\tl\ntype\tf8\tf8\ns\tkm/h\tm\n"
+KINDS = ("labview", "etas", "motec", "aim", "dewesoft", "canape", "diadem", "commented", "blanks")
 KINDS += ("units", "comment", "trailing", "sep")
 COMMENTED = "# logger 3, firmware 1.2\n# time speed level\n"
 
@@ -56,6 +63,8 @@ def rows(form: str = "{t},{v},{w}", comma: bool = False, between: str = "") -> s
 @pytest.mark.parametrize(
     ("text", "name", "unit"),
     [
+        (LABVIEW + rows("{t}\t{v}\t{w}\t"), "speed", ""),
+        (ETAS + rows("{t}\t{v}\t{w}"), "vVeh\\\\ESP:1", "km/h"),
         (MOTEC + rows('"{t}","{v}","{w}"'), "Ground Speed", "km/h"),
         (AIM + rows('"{t}","{v}","{w}"'), "GPS Speed", "km/h"),
         (DEWESOFT + rows("{t}\t{v}\t{w}"), "v (km/h)", ""),
@@ -74,14 +83,15 @@ def test_a_table_is_read_whatever_stands_around_its_numbers(tmp_path, text, name
     path = tmp_path / "drive.csv"
     path.write_text(text, encoding="utf-8")
     profile = tmp_path / "p.toml"
-    time = "" if "Time (s)" not in text else '[time]\ncolumn = "Time (s)"\nunit = "s"\n'
+    clock = next((word for word in ("Time (s)", "X_Value") if word in text), "")
+    time = f'[time]\ncolumn = "{clock}"\nunit = "s"\n' if clock else ""
     profile.write_text(time + SPEED.format(name))
     result = ingest([path], profile)
     assert result.losses == []
     (table,) = result.tables
     np.testing.assert_allclose(table.columns["v"] * 3.6, SPEEDS)
     np.testing.assert_allclose(table.time * 1e-9, TIMES, atol=1e-9)
-    assert layout(path).units.get(name, "") == unit
+    assert layout(path).units.get(name.replace("\\\\", "\\"), "") == unit
 
 
 def test_a_table_without_names_says_how_to_call_its_columns(tmp_path):
@@ -184,3 +194,38 @@ def test_parquet_durations_and_times_are_stamps(tmp_path):
         parquet.write_table(pyarrow.table({"time": column, "v": SPEEDS}), path)
         time = ingest([path], profile).tables[0].time
         np.testing.assert_allclose(time * 1e-9, TIMES, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("form", "said"),
+    [
+        ("01/03/2026 12:00:{s:06.3f}", "month before day"),
+        ("01/03/2026 12:00:{s:06.3f} PM", "month before day"),
+        ("01/03/2026 12:00:{c}", "day before month"),
+        ("13/03/2026 12:00:{s:06.3f}", ""),
+        ("03/13/26 12:00:{s:06.3f} PM", ""),
+    ],
+)
+def test_dates_that_may_be_read_in_two_ways_are_said(tmp_path, form, said):
+    seconds = [k / 20 for k in range(40)]
+    stamps = [f'"{form.format(s=s, c=f"{s:06.3f}".replace(".", ","))}"' for s in seconds]
+    time, result = stamps_of(tmp_path, stamps)
+    month, day = (1, 3) if said == "month before day" else (3, 1) if said else (3, 13)
+    start = datetime(2026, month, day, 12, tzinfo=UTC).timestamp()
+    np.testing.assert_allclose(time * 1e-9 - start, seconds, atol=1e-5)
+    assert any(f"is read with the {said}" in note for note in result.notes) is bool(said)
+
+
+@pytest.mark.parametrize("date", ["2026-03-01", "20260301", "01.03.2026", "1/13/2026"])
+@pytest.mark.parametrize("clock", ["{h:02.0f}:{m:02.0f}:{s:05.2f}", "{h:02.0f}{m:02.0f}{s:05.2f}"])
+def test_a_date_in_a_column_of_its_own_is_the_day_of_the_clock(tmp_path, date, clock):
+    path = tmp_path / "drive.csv"
+    rows = zip(TIMES, SPEEDS, strict=True)
+    text = "".join(f"{date},{of_day(86_395 + t, clock)},{v}\n" for t, v in rows)
+    path.write_text("Date,Time,v\n" + text)
+    (tmp_path / "p.toml").write_text(SPEED.format("v"))
+    (table,) = ingest([path], tmp_path / "p.toml", timezone="+01:00").tables
+    day = datetime(2026, 1, 13, tzinfo=UTC) if "13" in date else datetime(2026, 3, 1, tzinfo=UTC)
+    np.testing.assert_allclose(
+        table.time * 1e-9 - day.timestamp() - 86_395 + 3600, TIMES, atol=1e-5
+    )

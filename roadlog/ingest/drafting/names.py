@@ -23,7 +23,8 @@ from roadlog.units import SLOPES, UNITS, canonical
 TIME = re.compile(
     r"(?:log|gps|utc|epoch|unix|sys|device|system|elapsed|mess|lauf|uhr|abs|rel|sample)*"
     r"(?:t|time|timestamp|timestamps|epoch|zeit|zeitstempel|stempel|zeitpunkt|uhrzeit|temps|tiempo"
-    r"|tempo|hora|clock|seconds|secs|sec|elapsed|runtime|timeofday|tod|tow)"
+    r"|tempo|hora|clock|seconds|secs|sec|elapsed|runtime|timeofday|tod|tow|horodatage|heure|orario"
+    r"|(?:date|datum|fecha|data|jour)(?:time|zeit|uhrzeit|hora|ora|heure|et?heure)?)"
     r"(?:utc|s|ms|us|ns|sec|hms|stamp|local|relative|absolute|elapsed|rel|abs|since\w*)?"
 )
 
@@ -67,6 +68,7 @@ _ENDINGS = {
     "ns": ["ns"],
     "rpm": ["rpm"],
 }
+_DEVICE = re.compile(r"\\\w+(?::\d+)?$")
 _BRACKETS = re.compile(r"[\[({<]([^\])}>]*)[\])}>]\s*$")
 _OTHER = re.compile(OTHER)
 _ANGULAR = re.compile(r"angular|omega|gyro|rotation|yaw|pitch|roll")  # never a speed of the car
@@ -213,11 +215,17 @@ def unit_of(name: str, expected: str) -> str:
 
 def bare(name: str) -> str:
     """A name in lower case without its unit."""
-    words = folded(_BRACKETS.sub("", name) or name).split("_")
+    words = folded(_leaf(_BRACKETS.sub("", name) or name)).split("_")
     for size in (2, 1):
         if len(words) > size and "".join(words[-size:]) in _ENDINGS:
             return "_".join(words[:-size])
     return "_".join(words)
+
+
+def _leaf(name: str) -> str:
+    """`vVeh\\ETKC:1` (ETAS), `CAN1::ESP_02::v` (Vector), `Model/car/v` (dSPACE): the name alone."""
+    name = _DEVICE.sub("", name).rpartition("::")[2]
+    return name.rstrip("/").rpartition("/")[2] if name.count("/") > 1 else name
 
 
 def folded(name: str) -> str:

@@ -15,6 +15,7 @@ from roadlog.ingest.profile import Clock
 
 EVEN = 0.9  # share of steps that are near the usual one
 NEAR = 0.5  # of the usual step
+LOOKED = 60  # texts
 
 
 def clock_of(source: Source) -> tuple[Clock, str]:
@@ -34,7 +35,7 @@ def clock_of(source: Source) -> tuple[Clock, str]:
         column = found[0]
         clock = Clock(column, unit_of(column, "s"))
         others = [name for name in found[1:] if _rises(sample[name])]
-        doubt = "" if named else f"the time is taken to be '{column}', which rises evenly"
+        doubt = "" if named else f"the time is taken to be '{column}', which goes on as one does"
         doubt += f"; or: {', '.join(others)}" if others else ""
     if not clock.unit and sample[column].dtype.kind in "iuf" and not _has_unit(sample[column]):
         clock = Clock(clock.column, "s")
@@ -59,7 +60,11 @@ def _could_be(values: NDArray) -> bool:
 
 
 def _rises(values: NDArray) -> bool:
-    """Whether numbers rise in even steps."""
+    """Whether numbers rise in even steps, or texts are dates or clocks that go on."""
+    if values.dtype.kind == "O":
+        moments = [times.of_text(text) for text in values[:LOOKED].tolist() if text]
+        known = [moment for moment in moments if moment is not None]
+        return len(known) > EVEN * len(moments) and len(set(known)) > 1
     if values.dtype.kind not in "iuf":
         return False
     steps = np.diff(values[np.isfinite(values)])

@@ -20,7 +20,7 @@ _GYRO = (
     r"(?:w|g|gyr|gyro|gyroscope|omega|om|angrate|angularrate|angvel|angularvelocity|rotationrate"
     r"|rotrate|rotation|gyrorotation|rateofrotation|drehrate|rate)"
 )
-_LONG = r"(?:lon|lng|long|longi|longitudinale?|longit|laengs|langs|inline|fwd|forward|fore)"
+_LONG = r"(?:lon|lng|lgt|long|longi|longitudinale?|longit|laengs|langs|inline|fwd|forward|fore)"
 _LAT = r"(?:lat|lateral\w*?|quer|seiten|trans|transversal\w*?)"
 _VERT = r"(?:vert|vertical\w*?|vertikal\w*?|hoch|upward)"
 _FORCE = rf"(?:{_ACCEL}|g)"
@@ -47,13 +47,13 @@ def _either(*words: str) -> tuple[str, ...]:
 
 
 NAMES: dict[str, tuple[str, ...]] = {
-    **{f"imu.accel_{a}": (f"{_ACCEL}{a}(?:axis|achse|veh)?", f"{a}{_ACCEL}") for a in "xyz"},
-    **{f"imu.gyro_{a}": (f"{_GYRO}{a}", f"{a}{_GYRO}") for a in "xyz"},
+    **{f"imu.accel_{a}": (f"{_ACCEL}{a}(?:axis|achse|veh|v)?", f"{a}{_ACCEL}") for a in "xyz"},
+    **{f"imu.gyro_{a}": (f"{_GYRO}{a}(?:axis|achse|v)?", f"{a}{_GYRO}") for a in "xyz"},
     **{
         f"wheel_speeds.{wheel}": (
             f"{_WHEEL}{_TURN}{corner}",
             f"{_WHEEL}{corner}{_TURN}",
-            f"{corner}{_WHEEL}{_TURN}",
+            f"(?!lrw){corner}{_WHEEL}{_TURN}",  # LRW: the angle of the steering wheel
             f"(?:v|vrad|n|nrad|abs|spd|speed){corner}",
             f"{corner}(?:spd|speed|radgeschw\\w*)",
         )
@@ -84,7 +84,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "steering.road_wheel_angle": (
         r"(?:steer|steering|steered|stwhl|strwhl|strgwhl|strg|lenkrad|lenk|lrw|swa|sas|volante?)"
         r"(?:wheel|whl)?(?:angle|ang|winkel|wi|position|pos|w)?",
-        r"swa|lws|anglevolant|angulovolante|lenkwinkel|roadwheelangle|rwa",
+        r"swa|swangle|lws|lrw|lwwinkel|deltah|anglevolant|angulovolante|lenkwinkel|roadwheelangle|rwa",
     ),
     "powertrain.engine_torque": (
         r"(?:eng|engine|motor|mot|ice|moteur)(?:trq|tq|torque|moment|drehmoment|mom|couple)",
@@ -99,15 +99,15 @@ WORDED: dict[str, tuple[str, ...]] = {
     "imu.accel_z": _either(_VERT, _FORCE),
     "imu.gyro_x": (
         rf"(?:gyro)?(?:roll|wank|roulis|balanceo|alabeo){_RATE}",
-        r"wroll|rollw|vitesse(?:de)?roulis|velocidad(?:de)?(?:balanceo|alabeo)",
+        r"wroll|rollw|wwank|phidot|dphi|phip|vitesse(?:de)?roulis|velocidad(?:de)?(?:balanceo|alabeo)",
     ),
     "imu.gyro_y": (
         rf"(?:gyro)?(?:pitch|nick|tangage|cabeceo){_RATE}",
-        r"wpitch|pitchw|vitesse(?:de)?tangage|velocidad(?:de)?cabeceo",
+        r"wpitch|pitchw|wnick|thetadot|dtheta|thetap|vitesse(?:de)?tangage|velocidad(?:de)?cabeceo",
     ),
     "imu.gyro_z": (
         rf"(?:gyro)?(?:yaw|gier|lacet|guinada){_RATE}",
-        r"vyaw|vyawveh|wyaw|yaww\w*|yawr|psip|dpsi|gier|vitesse(?:de)?lacet|(?:vel|velocidad)(?:de)?guinada",
+        r"vyaw|vyawveh|wyaw|yaww\w*|wgier|yawr|psip|psidot|dpsi|gier|vitesse(?:de)?lacet|(?:vel|velocidad)(?:de)?guinada",
     ),
 }
 
@@ -127,7 +127,8 @@ AROUND = re.compile(
     r"bdy|veh|vehicle|car|chassis|device|phone|vbox|vb|racelogic|oxts|aim|"
     r"motec|rcm|di|lwi|sas|acm|uncal|a1|app|log|logger|data|ch|chan|channel|"
     r"abs|mean|avg|grnd|cm|mm|baro|barometer|barometric|pressure|relative|"
-    r"sensorcluster|cluster|rt|rt3000|xsens|novatel|ellipse|vn|obd"
+    r"sensorcluster|cluster|rt|rt3000|xsens|novatel|ellipse|vn|obd|ebs|asr|tcs|srs|position|pos|"
+    r"bmi|bno|mpu|icm|lsm\w*|adxl|mti|sbg"
 )
 SATELLITE = re.compile(r"gps|gnss|rtk|nav|dgps|fix|ublox|sat")
 TRUE = re.compile(r"true|truth|ref|reference|gt|rtk|survey|soll|referenz|verite|verdad")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import IO
@@ -24,6 +25,10 @@ BLOCK = 1 << 24  # bytes parsed at a time: bounds the memory of text beside that
 WORD = 64  # bytes of a cell that is no number; no date is longer
 SHORTEST_ROW = 2  # bytes
 SAMPLE = 1 << 18  # bytes of the first rows
+_DATE = re.compile(
+    r"(?:(?:gps|utc|local|log)[ _]?)?(?:date|datum|fecha|data|jour)(?:[ _]?\(?utc\)?)?",
+    re.IGNORECASE,
+)
 
 
 def recognizes(path: Path) -> bool:
@@ -80,7 +85,21 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     clock = times.time_column(found.names, profile.clock.column, str(path))
     wanted = [n for n in found.names if n != clock and profile.reads(n)]
     unit = times.unit_stated(profile.clock.unit, found.units.get(clock, ""), times.bracketed(clock))
-    return rows(path, found, clock, wanted, RowClock(unit, profile.clock.zone))
+    day = _date_beside(path, found, clock, profile.clock.zone)
+    european = found.delimiter == ";"
+    return rows(path, found, clock, wanted, RowClock(unit, profile.clock.zone, day, european))
+
+
+def _date_beside(path: Path, found: Layout, clock: str, zone: str) -> int:
+    """ns of the midnight that another column than that of the time states; 0 for none."""
+    column = next((n for n in found.names if n != clock and _DATE.fullmatch(n.strip())), None)
+    dates = [] if column is None else sample(path)[column].tolist()
+    texts = [f"{d:.0f}" if isinstance(d, float) else str(d) for d in dates]
+    texts = [f"{t[:4]}-{t[4:6]}-{t[6:]}" if len(t) == 8 and t.isdigit() else t for t in texts]
+    moments = [f"{text} 00:00:00" for text in texts if text]
+    day_first, _ = times.day_before_month(moments, found.delimiter == ";")
+    midnight = next(filter(None, (times.of_text(m, day_first) for m in moments)), 0)
+    return midnight - (times.local(midnight, zone, path.name)[0] if midnight else 0)
 
 
 def rows(

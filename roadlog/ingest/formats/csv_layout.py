@@ -10,10 +10,9 @@ import codecs
 import csv
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +23,7 @@ from roadlog.units import UNITS, canonical
 
 HEAD = 1 << 16  # bytes in which the header and the first rows are
 LOOKED = 60  # rows that tell the width
+FOLLOWING = 5  # lines after the first row of numbers that are rows too
 COMMENTS = ("#", "%", "//")
 SEPARATOR = "sep="  # Excel's word on the delimiter
 DELIMITERS = "\t;,|"
@@ -100,9 +100,10 @@ def _rows(lines: Sequence[tuple[str, int]]) -> tuple[str, int, int]:
         if not rows:
             continue
         width = Counter(size for _, size in rows[-LOOKED:]).most_common(1)[0][0]
-        after = {k: following for (k, _), (following, _) in pairwise(kinds)}
         fitting = {k for k, size in rows if size == width}
-        first = next((k for k in sorted(fitting) if after.get(k) in {*fitting, None}), min(fitting))
+        order = [k for k, _ in kinds]
+        leads = (k for n, k in enumerate(order) if k in fitting and _lead(order[n + 1 :], fitting))
+        first = next(leads, min(fitting))
         share = len(fitting) / max(1, sum(k >= first for k, _ in plain))
         if delimiter == BLANK and (share < SURE or len(fitting) < 3):
             continue  # any text has blanks
@@ -114,6 +115,12 @@ def _rows(lines: Sequence[tuple[str, int]]) -> tuple[str, int, int]:
         delimiter = said or max("\t;,", key=plain[0][1].count)
         return delimiter, first + 1, len(fields_of(plain[0][1], delimiter))
     return delimiter, first, width
+
+
+def _lead(after: Sequence[int], fitting: Collection[int]) -> bool:
+    """Whether the next lines are rows too, but for a remark among them; in a preamble few are."""
+    following = [k in fitting for k in after[:FOLLOWING]]
+    return not following or (following[0] and sum(following) >= len(following) - 1)
 
 
 def _header(
@@ -128,21 +135,27 @@ def _header(
         rows = fitting[-1:]
     if not rows:
         return [f"column {k + 1}" for k in range(width)], {}, True
-    if len(rows) > 2 and _repeats(rows[-1]) and not _are_units(rows[-1]):
-        rows.pop()  # which device each column comes from (RaceChrono)
     units: list[str] = []
+    rows = _without_kinds(rows)
     over = [row for row in rows[:-1] if len(row) >= len(rows[-1]) - 1]
     if over and _are_units(rows[-1]):
         units = [_bare(text) for text in rows[-1]]
-        rows = over
+        rows = _without_kinds(over)
     names = _distinct(next((row for row in reversed(rows) if len(row) == width), rows[-1]))
     return names, {n: unit for n, unit in zip(names, units, strict=False) if unit}, False
+
+
+def _without_kinds(rows: list[list[str]]) -> list[list[str]]:
+    """Without a last row of devices (RaceChrono) or of types (ETAS), the same for many columns."""
+    if len(rows) < 2 or len(rows[-2]) < len(rows[-1]) - 1 or _are_units(rows[-1]):
+        return rows
+    return rows[:-1] if _repeats(rows[-1]) else rows
 
 
 def _repeats(fields: Sequence[str]) -> bool:
     """Whether a row is mostly repetitions, as no row of names is."""
     held = [field for field in fields if field]
-    return 2 * len(set(held)) <= len(held)
+    return 2 * len(set(held)) <= len(held) or (len(held) > 2 and len(set(held[1:])) == 1)
 
 
 def _distinct(names: Sequence[str]) -> list[str]:

@@ -18,11 +18,16 @@ class RowClock:
     """Stamps of a time column as its blocks come.
 
     unit: of numbers; where nothing states it, by their size. zone: of dates without one. day: ns
-    of the midnight from which a clock without a date counts.
+    of the midnight from which a clock without a date counts. day_first: whether 01/03 is likely
+    to be the first of March, until a date tells.
     """
 
-    def __init__(self, unit: str = "", zone: str = "", day: int = 0) -> None:
+    def __init__(
+        self, unit: str = "", zone: str = "", day: int = 0, day_first: bool = False
+    ) -> None:
         self.day = day
+        self.day_first = day_first
+        self.guessed = ""  # a date that may be read in two ways
         self.unit = unit
         self.zone = zone
         self.rows = 0
@@ -35,7 +40,11 @@ class RowClock:
         numbers = raw.dtype.kind in "iufb"
         if numbers and not self.unit and np.isfinite(raw).any():
             self.unit = times.unit_of(raw, where)
-        stamps, keep = times.stamps(raw, self.unit, where, self.rows, self.zone)
+        if raw.dtype.kind == "O" and not self.rows:
+            texts = [str(text) for text in raw]
+            self.day_first, guessed = times.day_before_month(texts, self.day_first)
+            self.guessed = next((t for t in texts if "/" in t), "") if guessed else ""
+        stamps, keep = times.stamps(raw, self.unit, where, self.rows, self.zone, self.day_first)
         self.rows += len(raw)
         of_day = self.unit == "hhmmss" if numbers else raw.dtype.kind not in "Mm"
         if of_day and len(stamps) and stamps.min() >= 0 and stamps.max() < times.DAY:
@@ -55,6 +64,9 @@ class RowClock:
         notes = []
         if self.unit == "hhmmss" and not self.day:
             notes.append(f"{name}: its time is a time of day (hhmmss)")
+        if self.guessed:
+            order = "day before month" if self.day_first else "month before day"
+            notes.append(f"{name}: '{self.guessed}' is read with the {order}: nothing tells")
         if self.days:
             notes.append(f"{name}: its clock passes midnight")
         time, said = spread(self._stamps.column(), name)

@@ -24,13 +24,18 @@ FORMATS = (
     "%b %d, %Y %H:%M",
     "%b %d, %Y %I:%M%p",
     "%d.%m.%Y %H:%M",
-    "%m/%d/%Y %H:%M",
-    "%m/%d/%Y %I:%M%p",
+    "%d.%m.%y %H:%M",
     "%Y/%m/%d %H:%M",
     "%Y_%m_%d %H:%M",
     "%H:%M",
     "%I:%M%p",
 )
+# the same numbers mean either; a drive is too short to tell, but for a day beyond the 12th
+DAY_FIRST, MONTH_FIRST = (
+    tuple(f"{date}{year} {clock}" for year in ("%Y", "%y") for clock in ("%H:%M", "%I:%M%p"))
+    for date in ("%d/%m/", "%m/%d/")
+)
+_SLASHED = re.compile(r"\s*(\d{1,2})/(\d{1,2})/\d{2}(?:\d{2})?[ T]")
 # head up to the minute, seconds, fraction, and what follows: a zone, AM or PM
 _CLOCK = re.compile(
     r"^\s*(.*?\d{1,2}:\d{2}):(\d{2})(?:[.,:](\d+))?\s*([A-Za-z]{0,3}|[+-]\d{2}:?\d{2})\s*$"
@@ -83,19 +88,25 @@ def bracketed(name: str) -> str:
 
 
 def stamps(
-    values: NDArray, unit: str, where: str, before: int = 0, zone: str = ""
+    values: NDArray,
+    unit: str,
+    where: str,
+    before: int = 0,
+    zone: str = "",
+    day_first: bool = False,
 ) -> tuple[Stamps, Bools]:
     """ns of each row of a time column that has one, and which rows these are.
 
     values: numbers, datetime64, timedelta64 or texts. before: rows before these, for messages.
-    zone: of dates without one. Raises LogReadError naming the first row where none has a time,
-    ConfigError for a unit that is not clear.
+    zone, day_first: of dates, as `from_texts` has them. Raises LogReadError naming the first row
+    where none has a time, ConfigError for a unit that is not clear.
     """
     if values.dtype.kind in "Mm":
         keep: Bools = ~np.isnat(values)
         return values[keep].astype(f"{values.dtype.kind}8[ns]").astype(np.int64), keep
     if values.dtype.kind in "OUS":
-        return from_texts([str(value) for value in values], where, before, zone)
+        texts = [str(value) for value in values]
+        return from_texts(texts, where, before, zone, day_first)
     keep = np.isfinite(values)
     if not keep.any():
         raise LogReadError(f"{where}: the time column holds no number")
@@ -148,13 +159,28 @@ def _from_form(values: NDArray, form: str) -> tuple[Stamps, Bools]:
     return seconds * 10**9 + rest, keep
 
 
+def day_before_month(texts: Sequence[str], likely: bool) -> tuple[bool, bool]:
+    """Whether dates with slashes have the day first, and whether that is a guess.
+
+    likely: where no date tells, as where a comma stands for the point.
+    """
+    dates = {match.groups() for text in texts if (match := _SLASHED.match(text))}
+    if any(int(first) > 12 for first, _ in dates):
+        return True, False
+    if any(int(second) > 12 for _, second in dates) or not dates:
+        return False, False
+    if any(text.strip().lower().endswith(("am", "pm")) for text in texts):
+        return False, True
+    return likely or any("," in text for text in texts), True
+
+
 def from_texts(
-    texts: Sequence[str], where: str, before: int = 0, zone: str = ""
+    texts: Sequence[str], where: str, before: int = 0, zone: str = "", day_first: bool = False
 ) -> tuple[Stamps, Bools]:
     """ns since the epoch from dates and times, and which are understood.
 
-    A time without zone is taken in `zone`, else as UTC. Raises LogReadError naming the first row
-    where none is.
+    A time without zone is taken in `zone`, else as UTC; day_first: 01/03 is the first of March.
+    Raises LogReadError naming the first row where none is.
     """
     minutes: dict[tuple[str, str], int | None] = {}  # what stands around the seconds -> ns
     result = np.empty(len(texts), np.int64)
@@ -166,7 +192,7 @@ def from_texts(
         head, seconds, fraction, tail = match.groups()
         key = head, tail
         if key not in minutes:
-            minutes[key] = _minute(head, tail, zone)
+            minutes[key] = _minute(head, tail, zone, day_first)
         minute = minutes[key]
         if minute is not None:
             rest = int(seconds) * 10**9 + int((fraction or "0")[:9].ljust(9, "0"))
@@ -181,20 +207,22 @@ def from_texts(
     return result[keep], keep
 
 
-def of_text(text: str) -> int | None:
+def of_text(text: str, day_first: bool = False) -> int | None:
     """ns since the epoch of one date and time as if in UTC; None for none."""
-    match = _CLOCK.match(text)
-    minute = _minute(match[1], match[4]) if match else None
+    match = _CLOCK.match(_ASCTIME.sub(r"\2-\1-\5 \3\4", text))
+    minute = _minute(match[1], match[4], day_first=day_first) if match else None
     if match is None or minute is None:
         return None
     return minute + int(match[2]) * 10**9 + int((match[3] or "0")[:9].ljust(9, "0"))
 
 
-def _minute(head: str, tail: str, zone: str = "") -> int | None:
+def _minute(head: str, tail: str, zone: str = "", day_first: bool = False) -> int | None:
     """ns of a moment without its seconds: `2019-05-24T18:11` and `Z`; None for no such moment."""
     tail = tail.strip()
     text = head.strip()
-    form = next((form for form in FORMATS if _fits(text + tail, form)), None)
+    slashed = (*DAY_FIRST, *MONTH_FIRST) if day_first else (*MONTH_FIRST, *DAY_FIRST)
+    forms = slashed if text[1:3].count("/") else FORMATS
+    form = next((form for form in forms if _fits(text + tail, form)), None)
     try:
         if form:
             moment = datetime.strptime(text + tail, form)
