@@ -21,6 +21,7 @@ from roadlog.csv_text import csv_text
 from roadlog.drive import resample
 from roadlog.errors import ConfigError, LogReadError, MissingExtraError, near
 from roadlog.files import replacing
+from roadlog.for_viewers import is_for_viewers
 from roadlog.signals import SECTIONS, SIGNALS, Signal
 from roadlog.storage import LogReader, Table
 from roadlog.types import Bools, Floats, Stamps
@@ -55,9 +56,9 @@ def export(
 ) -> tuple[int, list[Column], list[str]]:
     """Write chosen channels of a log to a CSV or Parquet file, whole or not at all.
 
-    topics, roles: what to take, default all channels. rate: Hz of a common grid from the first
-    message; None keeps the messages' own times. Returns rows, columns, losses. Raises
-    LogReadError, LogWriteError, ConfigError for a name that is not there.
+    topics, roles: what to take, default all channels but those for other viewers. rate: Hz of a
+    common grid from the first message; None keeps the messages' own times. Returns rows, columns,
+    losses. Raises LogReadError, LogWriteError, ConfigError for a name that is not there.
     """
     if out.suffix.lower() not in SUFFIXES:
         raise ConfigError(f"{out}: write to a file that ends in {' or '.join(SUFFIXES)}")
@@ -121,7 +122,8 @@ def _columns(reader: LogReader, topics: Sequence[str], roles: Sequence[str]) -> 
             raise ConfigError(f"'{role}' is no role. {near(role, SIGNALS)}")
         section = SECTIONS[role.split(".")[0]]
         by_role.setdefault(section.topic, set()).add(SIGNALS[role].field)
-    chosen = sorted({*topics, *by_role} if topics or roles else there)
+    everything = {topic for topic in there if not is_for_viewers(topic)}
+    chosen = sorted({*topics, *by_role} if topics or roles else everything)
     found = []
     for topic in (topic for topic in chosen if topic in there):
         for field, values in reader.read([topic])[topic].columns.items():

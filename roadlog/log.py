@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from roadlog import results
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import DEFAULT_RATE, Drive, without_strays
 from roadlog.errors import LogReadError, MissingSignalError, near
 from roadlog.estimate import Detail, Estimate
 from roadlog.files import changed
 from roadlog.location_fix import location_fix
-from roadlog.memory import trim
+from roadlog.results import is_result
 from roadlog.signals import (
     FIX_TOPIC,
     INPUTS,
@@ -62,7 +64,7 @@ class DriveLog:
 
     def _open(self, recover: bool = True) -> None:
         self._reader = LogReader(self.path, recover=recover)
-        self._fingerprint = self._reader.fingerprint(_is_result)
+        self._fingerprint = self._reader.fingerprint(is_result)
         self.channels: tuple[Channel, ...] = self._reader.channels
         self.metadata = self._reader.metadata
         self.start_ns = self._reader.start_ns
@@ -146,8 +148,8 @@ class DriveLog:
 
     def holds_messages_of(self, other: DriveLog) -> bool:
         """Whether, results aside, it holds the same messages as another log."""
-        own = self._reader.fingerprint(_is_result)
-        return own == other._reader.fingerprint(_is_result)
+        own = self._reader.fingerprint(is_result)
+        return own == other._reader.fingerprint(is_result)
 
     @cached_property
     def _mapped(self) -> dict[str, Table]:
@@ -312,28 +314,22 @@ class DriveLog:
             estimates = list(estimates)
             names |= {estimate.name for estimate in estimates}
         records = self._records(vehicle)
-        as_ros2 = as_ros2 or any(_is_result(c.topic) and c.encoding == "cdr" for c in self.channels)
+        as_ros2 = as_ros2 or any(is_result(c.topic) and c.encoding == "cdr" for c in self.channels)
         truth = self._mapped.get(TRUTH_TOPIC) if as_ros2 else None
 
         def is_replaced(topic: str) -> bool:
             parts = split_estimate_topic(topic)
-            is_truth = topic == TRUTH_TOPIC and truth is not None
-            return is_truth or (parts is not None and parts[0] in names)
-
-        def tables() -> Iterator[Table]:
-            yield from () if truth is None else (truth,)
-            for estimate in estimates:
-                checked = {"checks": "\n".join(map(str, faults))}
-                records[f"estimate/{estimate.name}"] = estimate.record() | checked
-                yield from estimate.tables()
-                del estimate
-                trim()
+            is_mapped = truth is not None and results.is_truth(topic)
+            return is_mapped or (parts is not None and parts[0] in names)
 
         replaced = {*records, *(f"estimate/{name}" for name in names)}
         with exclusive(self.path):
             update_log(
                 self.path,
-                tables(),
+                chain(
+                    results.truth_tables(self._reader, truth, as_ros2=as_ros2),
+                    results.tables(estimates, records, faults, as_ros2=as_ros2),
+                ),
                 records,
                 drop=is_replaced,
                 drop_metadata=replaced.__contains__,
@@ -360,12 +356,8 @@ class DriveLog:
         if now.source.state == self._reader.source.state:
             return
         is_whole = not now.contents.losses
-        if not is_whole or now.fingerprint(_is_result) != self._fingerprint:
+        if not is_whole or now.fingerprint(is_result) != self._fingerprint:
             raise changed(self.path)
-
-
-def _is_result(topic: str) -> bool:
-    return split_estimate_topic(topic) is not None
 
 
 def create(

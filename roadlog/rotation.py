@@ -60,5 +60,21 @@ def from_quaternions(quaternions: Floats) -> Floats:
     )
 
 
+def quaternions(yaw: Floats, pitch: Floats, roll: Floats) -> Floats:
+    """(n, 4) x y z w of R_z(yaw) R_y(pitch) R_x(roll); pitch is nose-down."""
+    cy, sy = np.cos(yaw / 2), np.sin(yaw / 2)
+    cp, sp = np.cos(pitch / 2), np.sin(pitch / 2)
+    cr, sr = np.cos(roll / 2), np.sin(roll / 2)
+    return np.stack(
+        [
+            cy * cp * sr - sy * sp * cr,
+            cy * sp * cr + sy * cp * sr,
+            sy * cp * cr - cy * sp * sr,
+            cy * cp * cr + sy * sp * sr,
+        ],
+        axis=1,
+    )
+
+
 def _matrix(*rows: tuple[Floats, Floats, Floats]) -> Floats:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

@@ -11,6 +11,7 @@ from roadlog import checks
 from roadlog.checks import Finding
 from roadlog.drive import Drive, stale_limit, without_strays
 from roadlog.errors import ConfigError, LogReadError
+from roadlog.for_viewers import is_for_viewers
 from roadlog.log import DriveLog
 from roadlog.signals import SECTIONS, SIGNALS, split_estimate_topic
 from roadlog.stamps import main_span
@@ -155,7 +156,8 @@ def _estimators(drive: Drive | None, log: DriveLog) -> list[EstimatorSummary]:
 
 def _channel(channel: Channel, table: Table | None, duration: float) -> ChannelSummary:
     role = SECTION_OF.get(channel.topic)
-    if role is None and split_estimate_topic(channel.topic):
+    is_result = split_estimate_topic(channel.topic) and not is_for_viewers(channel.topic)
+    if role is None and is_result:
         role = "estimate"
     what = (channel.topic, role, channel.schema, channel.encoding, channel.count)
     steps = np.empty(0) if table is None else np.diff(table.time) * 1e-9

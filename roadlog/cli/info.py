@@ -36,6 +36,8 @@ def info(
 
 
 def _print(summary: LogSummary) -> None:
+    from roadlog.for_viewers import is_for_viewers
+
     rows = [
         [
             channel.topic,
@@ -50,10 +52,13 @@ def _print(summary: LogSummary) -> None:
             "-" if channel.not_monotonic is None else str(channel.not_monotonic),
         ]
         for channel in summary.channels
+        if not is_for_viewers(channel.topic)
     ]
     columns = ["topic", "role", "message", "count", "Hz", "jitter ms", "gaps", "longest s"]
     columns += ["unknown", "backward"]
     console.print_table(columns, rows, f"{summary.log}: {summary.duration:.1f} s", left=3)
+    if shown := len(summary.channels) - len(rows):
+        console.say(f"and {shown} channels of angles in degrees and frames, for other viewers")
     signals = [
         [
             signal.role,

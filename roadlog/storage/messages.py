@@ -94,6 +94,9 @@ def _parts(descriptor: Descriptor, parent: str, table: Table) -> Iterator[_Part]
                 parts = list(_parts(field.message_type, f"{path}.", table))
                 yield path, _tag(field, LENGTH) + _varint(sum(map(_length, parts))), None
                 yield from parts
+        elif path in table.texts and field.type == FieldDescriptor.TYPE_STRING:
+            text = table.texts[path].encode()
+            yield path, _tag(field, LENGTH) + _varint(len(text)) + text, None
         elif path in table.columns and code:
             yield path, _tag(field, wire), _values(field, path, table)
         elif np.dtype(code or "V").kind == "f" and field.has_presence:

@@ -18,7 +18,8 @@ class Table(ByValue):
     time: int64 nanoseconds since the epoch, log_time = publish_time = measurement time.
     columns: field path (nested fields joined by dots) -> array as long as `time`; float64, bool
         or integers as the schema says; NaN where a value is unknown.
-    metadata: the channel's metadata.
+    metadata: the channel's metadata. texts: text fields, which all messages have alike; a table
+        that was read does not say them.
     """
 
     topic: str
@@ -26,6 +27,7 @@ class Table(ByValue):
     time: NDArray[np.int64]
     columns: Mapping[str, NDArray]
     metadata: Mapping[str, str] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, values in self.columns.items():

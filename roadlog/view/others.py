@@ -1,8 +1,10 @@
 """Layouts for other viewers of the same MCAP: Foxglove, PlotJuggler, and Rerun's own loader.
 
-They plot each angle of every estimate and the truth over time; Foxglove and PlotJuggler in degrees
-(Rerun's mapping of a message's field cannot convert: there they are rad). Foxglove's layout is that
-of its open source (`configById` and a mosaic of panels), PlotJuggler's that of version 3.
+They plot each angle of every estimate and the truth over time, in degrees; Rerun's mapping of a
+message's field cannot convert, so it takes the channels that are in degrees, or rad in a log
+without. Foxglove's layout is that of its open source (`configById` and a mosaic of panels; the keys
+of panels as in its SDK's `layouts`), with states of the flags and frames in space; PlotJuggler's
+that of version 3.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from roadlog.errors import MissingSignalError
+from roadlog.for_viewers import DEGREES, FRAME_SCHEMA, LEVEL
 from roadlog.log import DriveLog
 from roadlog.signals import ANGLES, TRUTH_TOPIC, estimate_topic
 from roadlog.view.colors import TRUTH, colors
@@ -70,7 +73,7 @@ def _foxglove(log: DriveLog, curves: Curves) -> str:
         ]
         if paths:
             panels[f"Plot!{angle}"] = {
-                "title": f"{angle} [deg]",
+                **_titled(f"{angle} [deg]"),
                 "paths": paths,
                 "showXAxisLabels": True,
                 "showYAxisLabels": True,
@@ -81,6 +84,29 @@ def _foxglove(log: DriveLog, curves: Curves) -> str:
                 "xAxisVal": "timestamp",
                 "sidebarDimension": 240,
             }
+    topics = [channel.topic for channel in log.channels]
+    words = [topic for topic in topics if topic.endswith(f"/{DEGREES}")]
+    if words:
+        panels["StateTransitions!flags"] = {
+            **_titled("flags"),
+            "paths": [
+                {
+                    "value": f"{topic}.flag",
+                    "label": topic.split("/")[-2],
+                    "enabled": True,
+                    "timestampMethod": "receiveTime",
+                }
+                for topic in words
+            ],
+            "isSynced": True,
+        }
+    if any(channel.schema == FRAME_SCHEMA for channel in log.channels):
+        grid = {"layerId": "foxglove.Grid", "instanceId": "grid", "label": "level", "visible": True}
+        panels["3D!frames"] = {
+            **_titled("road and body"),
+            "followTf": LEVEL,
+            "layers": {"grid": {**grid, "frameId": LEVEL, "size": 10, "divisions": 10}},
+        }
     fixes = [channel.topic for channel in log.channels if channel.schema in FIXES]
     if fixes:
         panels["map!track"] = {"topicColors": {}, "disabledTopics": [], "zoomLevel": 14}
@@ -92,6 +118,11 @@ def _foxglove(log: DriveLog, curves: Curves) -> str:
         "layout": _mosaic(list(panels), "row"),
     }
     return json.dumps(layout, indent=2) + "\n"
+
+
+def _titled(text: str) -> dict[str, str]:
+    """The title of a panel, in Foxglove and in its fork Lichtblick."""
+    return {"foxglovePanelTitle": text, "lichtblickPanelTitle": text}
 
 
 def _mosaic(panels: list[str], direction: str) -> Any:
@@ -147,23 +178,28 @@ def _rerun(log: DriveLog, curves: Curves, path: Path) -> None:
     schemas = {channel.topic: channel.schema for channel in log.channels}
     views = []
     for angle, sources in curves.items():
-        overrides = {
-            topic: rr.SeriesLines(names=f"{name} [rad]", colors=_color_number(name)).visualizer(
+        beside = {topic: f"{topic.rpartition('/')[0]}/{DEGREES}" for topic in sources.values()}
+        has_degrees = all(topic in schemas for topic in beside.values())
+        unit, ending = ("deg", "_deg") if has_degrees else ("rad", "")
+        overrides = {}
+        for name, own in sources.items():
+            topic = beside[own] if has_degrees else own
+            line = rr.SeriesLines(names=f"{name} [{unit}]", colors=_color_number(name))
+            overrides[topic] = line.visualizer(
                 mappings=[
                     encodings.VisualizerComponentMapping(
                         "Scalars:scalars",
                         encodings.ComponentSourceKind.SourceComponent,
                         source_component=f"{schemas[topic]}:message",
-                        selector=f".{angle}",
+                        selector=f".{angle}{ending}",
                     )
                 ]
             )
-            for name, topic in sources.items()
-        }
         if overrides:
+            title = f"{angle} [{unit}]"
             views.append(
                 rrb.TimeSeriesView(
-                    origin="/", contents=list(overrides), name=f"{angle} [rad]", overrides=overrides
+                    origin="/", contents=list(overrides), name=title, overrides=overrides
                 )
             )
     views += [rrb.MapView(origin="/", name="map")]

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadlog.rotation import quaternions
 from roadlog.types import Floats
 from roadlog.view.colors import ordered
 from roadlog.view.runs import Run
@@ -72,7 +73,7 @@ def drive_scene(run: Run, runs: Sequence[Run], shown: Mapping[str, Sequence[str]
     return Scene(
         path.time,
         positions,
-        _quaternions(path.yaw, np.zeros(len(path.yaw)), np.zeros(len(path.yaw))),
+        quaternions(path.yaw, np.zeros(len(path.yaw)), np.zeros(len(path.yaw))),
         _tilt(main["grade"], main["bank"]),
         _tilt(main["inclination"], main["roll_total"]),
         wireframes,
@@ -94,23 +95,7 @@ def _completed(angles: dict[str, Floats]) -> dict[str, Floats]:
 
 
 def _tilt(nose_up: Floats, right_down: Floats) -> Floats:
-    return _quaternions(np.zeros(len(nose_up)), -EXAGGERATION * nose_up, EXAGGERATION * right_down)
-
-
-def _quaternions(yaw: Floats, pitch: Floats, roll: Floats) -> Floats:
-    """R_z(yaw) R_y(pitch) R_x(roll) as (n, 4), x y z w; ISO 8855 axes, right-handed."""
-    cy, sy = np.cos(yaw / 2), np.sin(yaw / 2)
-    cp, sp = np.cos(pitch / 2), np.sin(pitch / 2)
-    cr, sr = np.cos(roll / 2), np.sin(roll / 2)
-    return np.stack(
-        [
-            cy * cp * sr - sy * sp * cr,
-            cy * sp * cr + sy * cp * sr,
-            sy * cp * cr - cy * sp * sr,
-            cy * cp * cr + sy * sp * sr,
-        ],
-        axis=1,
-    )
+    return quaternions(np.zeros(len(nose_up)), -EXAGGERATION * nose_up, EXAGGERATION * right_down)
 
 
 def _ribbon(

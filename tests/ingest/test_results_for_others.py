@@ -68,7 +68,15 @@ def test_a_bag_stays_a_bag(bag):
     run("estimate", bag, "-e", "kmbe", "--as", "ros2", "--in-place-anyway")
     new = messages(bag)
     assert {topic: new[topic] for topic in old} == old
-    assert set(new) - set(old) == {"/estimates/kmbe/angles", "/truth/angles"}
+    assert set(new) - set(old) == {
+        "/estimates/kmbe/angles",
+        "/estimates/kmbe/grade_deg",
+        "/estimates/kmbe/road_frame",
+        "/truth/angles",
+        "/truth/inclination_deg",
+        "/truth/roll_total_deg",
+        "/truth/body_frame",
+    }
     stored = DriveLog(bag).stored("kmbe")
     with AnyReader([bag]) as reader:
         counts = {c.topic: 0 for c in reader.connections}

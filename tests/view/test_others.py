@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -48,9 +47,15 @@ def test_foxglove(log):
         "/truth/angles.grade.@degrees",
         "/estimates/kmbe/angles.grade.@degrees",
     ]
+    flags = made["configById"]["StateTransitions!flags"]["paths"]
+    assert [path["value"] for path in flags] == [
+        "/truth/degrees.flag",
+        "/estimates/kmbe/degrees.flag",
+    ]
+    assert made["configById"]["3D!frames"]["followTf"] == "level"
     topics = {channel.topic for channel in log.channels}
     for panel in made["configById"].values():
-        for path in panel.get("paths", ()):
+        for path in panel["paths"] if "xAxisVal" in panel else ():
             topic, angle, function = path["value"].split(".")
             assert topic in topics
             assert angle in ANGLES
@@ -78,6 +83,10 @@ def test_rerun(log):
         for name in part.to_record_batch().schema.names
         if ":" in name
     }
-    assert ("/estimates/kmbe/angles", "roadlog.v1.RoadAngles:message") in found
-    text = Path(path).read_bytes()
-    assert text.startswith(b"RRF")
+    assert ("/estimates/kmbe/degrees", "roadlog.v1.AnglesDeg:message") in found
+    rbl = chunk.RrdReader(path)
+    (blueprint,) = rbl.blueprints()
+    parts = [part.to_record_batch() for part in rbl.stream(store=blueprint)]
+    mapped = " ".join(str(part.to_pylist()) for part in parts)
+    assert ".grade_deg" in mapped
+    assert "roadlog.v1.AnglesDeg:message" in mapped
