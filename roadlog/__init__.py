@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from roadlog.errors import RoadlogError
-from roadlog.version import __version__
 
 if TYPE_CHECKING:
     from roadlog import estimators, ingest, simulate
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
     from roadlog.drive import Drive
     from roadlog.estimate import Estimate
     from roadlog.log import DriveLog, create
+    from roadlog.version import __version__
 
 __all__ = [
     "Drive",
@@ -43,7 +43,8 @@ __all__ = [
 ]  # and `open`, which a star import should not put over Python's own
 
 _MODULES = ("estimators", "ingest", "simulate")
-_CLASSES = {
+_NAMES = {
+    "__version__": "roadlog.version",
     "Drive": "roadlog.drive",
     "DriveLog": "roadlog.log",
     "Estimate": "roadlog.estimate",
@@ -62,10 +63,10 @@ def open(path: Path | str, profile: Path | str | None = None) -> DriveLog:
 def __getattr__(name: str) -> Any:
     if name in _MODULES:
         return import_module(f"roadlog.{name}")
-    if name in _CLASSES:
-        return getattr(import_module(_CLASSES[name]), name)
+    if name in _NAMES:
+        return getattr(import_module(_NAMES[name]), name)
     raise AttributeError(f"module 'roadlog' has no attribute '{name}'")
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_MODULES, *_CLASSES])
+    return sorted([*globals(), *_MODULES, *_NAMES])

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from roadlog.ingest.profile import Profile
     from roadlog.metrics import Evaluation
 
+OWN = "roadlog."  # package of roadlog's messages
 IN_PLACE = "in place"  # the profile record of an MCAP whose own topics it explains
 FIRST = 1_000_000_000  # ns of a log that are looked at for where its inputs begin
 _SIGNALS = frozenset(section.topic for section in SECTIONS.values())
@@ -126,19 +127,23 @@ class DriveLog:
 
         Raises LogReadError where nothing fits, ConfigError for a faulty profile.
         """
+        record = self.metadata.get("profile", {})
+        if self.given is None and record.get("use") != IN_PLACE and self._has_own_messages:
+            return None
         from roadlog.ingest import foreign
         from roadlog.ingest.profile import Profile, shipped
 
         if self.given is not None:
             return Profile.load(self.given)
-        record = self.metadata.get("profile", {})
         if record.get("use") == IN_PLACE:
             where = f"{self.path}: metadata 'profile'"
             stored = Profile.from_toml(record.get("toml", ""), record.get("name", ""), where)
             return replace(stored, family=record["name"] in shipped())
-        if foreign.is_own(self.channels) or self.start_ns is None:
-            return None
-        return foreign.own_profile(self.path)
+        return None if self.start_ns is None else foreign.own_profile(self.path)
+
+    @property
+    def _has_own_messages(self) -> bool:
+        return any(channel.schema.startswith(OWN) for channel in self.channels)
 
     @property
     def is_third_party(self) -> bool:
@@ -154,10 +159,10 @@ class DriveLog:
     @cached_property
     def _mapped(self) -> dict[str, Table]:
         """roadlog's topics out of the log's own; empty for a log of roadlog's."""
-        from roadlog.ingest import foreign
-
         if self.profile is None:
             return {}
+        from roadlog.ingest import foreign
+
         found, losses = foreign.tables(self.path, self.profile)
         self.losses += [loss for loss in losses if loss not in self.losses]
         return found
@@ -204,11 +209,12 @@ class DriveLog:
 
     def as_mounted(self, vehicle: Vehicle) -> Vehicle:
         """The vehicle with the mounting that the log's profile states, unless it states its own."""
+        record = self.metadata.get("profile")
+        if vehicle.states_mounting or not record:
+            return vehicle
         from roadlog.ingest.profile import states_mounting
 
-        if vehicle.states_mounting or not states_mounting(self.metadata.get("profile", {})):
-            return vehicle
-        return vehicle.with_stated_mounting()
+        return vehicle.with_stated_mounting() if states_mounting(record) else vehicle
 
     @property
     def estimators(self) -> list[str]:

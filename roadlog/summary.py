@@ -111,6 +111,8 @@ def summarize(log: DriveLog) -> LogSummary:
 
 def corrections(record: Mapping[str, str]) -> list[str]:
     """Sentences on what the profile that made a log puts right."""
+    if not record:
+        return []
     from roadlog.ingest.profile import Profile
 
     try:

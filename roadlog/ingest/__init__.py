@@ -2,242 +2,29 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from roadlog.checks.impossible import beyond
-from roadlog.errors import ConfigError, LogReadError, near
-from roadlog.ingest import clocks, mapping, typed
-from roadlog.ingest.formats import format_of, understood
-from roadlog.ingest.formats.base import Format
-from roadlog.ingest.formats.parsers import readable
-from roadlog.ingest.formats.times import zone_of
-from roadlog.ingest.frame import Frame, Recording, joined
-from roadlog.ingest.gaps import gaps
-from roadlog.ingest.grid import one_grid
-from roadlog.ingest.mapping import Mapped
-from roadlog.ingest.profile import Profile, fitting, shipped
-from roadlog.ingest.reference import reference
-from roadlog.spool import blocks, release
-from roadlog.storage import Table
-from roadlog.types import Stamps
+if TYPE_CHECKING:
+    from roadlog.ingest.sources import IngestResult, Source, expanded, ingest, open_source
+
+__all__ = ["IngestResult", "Source", "expanded", "ingest", "open_source"]
 
 
-@dataclass(frozen=True)
-class IngestResult:
-    """What came of the sources.
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module 'roadlog.ingest' has no attribute '{name}'")
+    from roadlog.ingest import sources  # a log alone asks for its profile, not for the formats
 
-    tables: ready to be written. metadata: `profile` and `source` records. left_over: source names
-    that the profile does not use. lacking: roles of a shipped profile that the source does not
-    have. notes (profile found, coverage of a bus, clocks), gaps, losses: sentences for people.
-    """
-
-    tables: list[Table]
-    metadata: dict[str, dict[str, str]]
-    mapped: list[Mapped]
-    left_over: list[str]
-    lacking: list[str]
-    notes: list[str]
-    gaps: list[str]
-    losses: list[str]
-
-
-@dataclass(frozen=True)
-class Source:
-    """One source with the format that reads it and the profile that says what its names mean."""
-
-    path: Path
-    format: Format
-    profile: Profile
-
-    def in_zone(self, timezone: str) -> Source:
-        """The same with another zone of local stamps. Raises ConfigError for no zone."""
-        if not timezone:
-            return self
-        zone_of(timezone)
-        clock = replace(self.profile.clock, zone=timezone)
-        return replace(self, profile=replace(self.profile, clock=clock))
-
-    def read(self, dbc: Sequence[Path]) -> Recording:
-        """What it holds. Raises LogReadError, ConfigError, MissingExtraError."""
-        with readable(self.path):
-            return self.format.read(self.path, self.profile, dbc)
-
-
-def ingest(
-    sources: Sequence[Path | str],
-    profile: Profile | str | Path | None = None,
-    dbc: Sequence[Path] = (),
-    truth_from: str | Path | None = None,
-    time_offsets: Mapping[str, float] | None = None,
-    timezone: str = "",
-) -> IngestResult:
-    """Read the sources of one drive and map them.
-
-    A folder that is no format of its own stands for the files in it. profile: a Profile, a file,
-    the name of a shipped one, or None where each source says what it is. dbc: databases for raw
-    CAN frames, `BUS=FILE` for one bus. truth_from: a reference grade, from the altitude (`gnss`)
-    or a surveyed table (a file). time_offsets: file name -> s
-    to add to its clock, instead of an estimate. timezone: of sources whose stamps are in a local
-    time, `Europe/Berlin` or `+01:00`. Raises LogReadError for an unreadable source, ConfigError
-    for a profile that does not fit.
-    """
-    given = Profile.load(profile) if isinstance(profile, (str, Path)) else profile
-    paths, databases, ignored = expanded([Path(source) for source in sources], dbc)
-    opened = [open_source(path, given, databases).in_zone(timezone) for path in paths]
-    recordings = [source.read(databases) for source in opened]
-    profiles = list({source.profile.name: source.profile for source in opened}.values())
-    groups, mapped, over, lacking, doubts = [], [], [], [], []
-    for chosen in profiles:
-        own = [r for s, r in zip(opened, recordings, strict=True) if s.profile.name == chosen.name]
-        frames = joined(frame for recording in own for frame in recording.frames)
-        located, absent = mapping.locate(chosen, frames)
-        lacking += absent
-        over += mapping.left_over(frames, located)
-        doubts += mapping.contradicted(located)
-        for members in _clock_groups(own, frames):
-            here = [place for place in located if any(place.frame is f for f in members)]
-            signals, kinds = mapping.signals(chosen, here)
-            groups.append(clocks.Group(_files(members), signals))
-            mapped += kinds
-    signals, said = clocks.merged(groups, time_offsets or {})
-    signals, moved = one_grid(signals)
-    tables = mapping.tables(signals)
-    if truth_from is not None:
-        made, told = reference(truth_from, tables)
-        said += told
-        tables = [t for t in tables if t.topic != made.topic] + [made]
-    losses = [loss for recording in recordings for loss in recording.losses]
-    losses += [loss for recording in recordings for loss in _backward(recording)]
-    metadata = {
-        "profile": {
-            "name": ", ".join(p.name for p in profiles),
-            "toml": "\n".join(p.text for p in profiles),
-        },
-        "source": {"files": json.dumps(_digests(paths), sort_keys=True)},
-    }
-    found = [] if given else [f"{s.path.name}: profile {s.profile.name}" for s in opened]
-    notes = [f"{words}, found by itself" for words in found]
-    notes += [note for recording in recordings for note in recording.notes] + said + moved
-    notes += doubts + [f"check: {finding}" for finding in beyond({t.topic: t for t in tables})[0]]
-    notes += [f"not a source: {', '.join(ignored)}"] if ignored else []
-    return IngestResult(tables, metadata, mapped, over, lacking, notes, gaps(tables), losses)
-
-
-def expanded(
-    paths: Sequence[Path], dbc: Sequence[Path]
-) -> tuple[list[Path], list[Path], list[str]]:
-    """Sources, databases and names of other files; folders of files taken apart."""
-    found: list[Path] = []
-    databases, ignored = list(dbc), []
-    for path in paths:
-        if not path.is_dir() or format_of(path) is not None:
-            found.append(path)
-            continue
-        files = sorted(p for p in path.iterdir() if p.is_file() and not p.name.startswith("."))
-        inside = [p for p in files if p.stat().st_size and format_of(p) is not None]
-        if not inside:
-            raise LogReadError(f"{path}: holds no file of a known format; {understood()}")
-        found += inside
-        if not dbc:
-            databases += [p for p in files if p.suffix.lower() == ".dbc"]
-        ignored += [p.name for p in files if p not in inside and p not in databases]
-    return found, databases, ignored
-
-
-def open_source(path: Path, profile: Profile | None, dbc: Sequence[Path]) -> Source:
-    """The source with its format and profile. Raises LogReadError, ConfigError."""
-    if not path.exists():
-        siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
-        raise LogReadError(f"{path}: no such file or folder. {near(path.name, siblings)}")
-    if path.is_file() and not path.stat().st_size:
-        raise LogReadError(f"{path}: is empty; nothing to ingest")
-    with readable(path):
-        found = format_of(path)
-        if found is None:
-            raise LogReadError(f"{path}: is of no known format; {understood()}")
-        meant = profile or _own_profile(found, path, dbc)
-        return Source(path, found, meant.for_file(path.name))
-
-
-def _own_profile(format_: Format, path: Path, dbc: Sequence[Path]) -> Profile:
-    """The profile that a source asks for by its kind or by its names."""
-    if format_.profile:
-        return replace(Profile.load(format_.profile), family=True)
-    if format_.is_typed:
-        frames = format_.read(path, typed.read_all(), dbc).frames
-        found = typed.or_shipped(typed.profile(frames), format_.names(path, dbc))
-    else:
-        found = fitting(format_.names(path, dbc))
-    if found is None:
-        raise ConfigError(
-            f"{path.name}: say what its names mean with --profile (a file, or one of: "
-            f"{', '.join(shipped())}); `roadlog profile new {path.name}` writes one to start from"
-        )
-    return found
-
-
-def _clock_groups(recordings: Sequence[Recording], frames: Sequence[Frame]) -> list[list[Frame]]:
-    """Frames by logger: files that hold the same messages are one logger's, on one clock."""
-    groups: list[tuple[set, set[str]]] = []
-    for recording in recordings:
-        keys = {frame.key for frame in recording.frames if len(frame)}
-        names = {frame.file for frame in recording.frames}
-        for group in [g for g in groups if g[0] & keys]:
-            groups.remove(group)
-            keys, names = keys | group[0], names | group[1]
-        groups.append((keys, names))
-    return [
-        [f for f in frames if f.key in keys and set(f.file.split(", ")) <= names]
-        for keys, names in groups
-    ]
-
-
-def _files(frames: Sequence[Frame]) -> list[str]:
-    return list(dict.fromkeys(name for frame in frames for name in frame.file.split(", ")))
-
-
-def _backward(recording: Recording) -> list[str]:
-    """A sentence for each frame whose clock steps back; its rows are put in order."""
-    return [
-        f"{frame.file}: {frame.name or 'the time column'} runs backward {steps} times; put in order"
-        for frame in recording.frames
-        if (steps := _steps_back(frame.time))
-    ]
-
-
-def _steps_back(time: Stamps) -> int:
-    count = 0
-    for rows in blocks(len(time)):
-        part = time[max(rows.start - 1, 0) : rows.stop]
-        count += int((part[1:] < part[:-1]).sum())
-    release([time])
-    return count
-
-
-def _digests(paths: Sequence[Path]) -> dict[str, str]:
-    """File name -> sha256; of a folder, one per file in it."""
-    result = {}
-    for path in paths:
-        inside = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
-        for file in inside:
-            with readable(file), file.open("rb") as opened:
-                digest = hashlib.file_digest(opened, "sha256").hexdigest()
-            result[str(file.relative_to(path.parent))] = digest
-    return result
+    return getattr(sources, name)
 
 
 class _Module(ModuleType):
     """`roadlog.ingest(...)` is `roadlog.ingest.ingest(...)`."""
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
-        return ingest(*arguments, **options)
+        return self.ingest(*arguments, **options)
 
 
 sys.modules[__name__].__class__ = _Module

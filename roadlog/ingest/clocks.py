@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
 
 from roadlog.errors import ConfigError, LogReadError, near
+from roadlog.filters.correlate import correlate
 from roadlog.filters.lowpass import gaussian_mean
 from roadlog.ingest.grid import Signals
 from roadlog.motion.lag import Track, shift
-from roadlog.types import Bools, Floats, Stamps
+from roadlog.types import Floats, Stamps
 
 RATE = 20.0  # Hz, grid of the correlation
 SMOOTH = 0.4  # s, sd of the kernel over accelerations: engine and road shake them, not speed
@@ -295,23 +295,16 @@ def _correlate(ours: _Side, theirs: _Side, by: str, near: float | None) -> Offse
 
 def _masked(a: Floats, b: Floats) -> tuple[Floats, Floats]:
     """Correlation coefficient and number of common samples at every lag of b in a."""
-    size = len(a) + len(b) - 1
-    fast = next_fast_len(size, real=True)
     known_a, known_b = np.isfinite(a), np.isfinite(b)
     values_a = np.where(known_a, a - np.nanmean(a), 0.0)
     values_b = np.where(known_b, b - np.nanmean(b), 0.0)
 
-    def product(left: Floats | Bools, right: Floats | Bools) -> Floats:
-        spectrum = rfft(left, fast) * rfft(right[::-1], fast)
-        result: Floats = irfft(spectrum, fast)[:size]
-        return result
-
-    count = np.rint(product(known_a, known_b))
+    count = np.rint(correlate(known_a, known_b))
     n = np.maximum(count, 1.0)
-    sum_a, sum_b = product(values_a, known_b), product(known_a, values_b)
-    spread_a = product(values_a**2, known_b) - sum_a**2 / n
-    spread_b = product(known_a, values_b**2) - sum_b**2 / n
-    together = product(values_a, values_b) - sum_a * sum_b / n
+    sum_a, sum_b = correlate(values_a, known_b), correlate(known_a, values_b)
+    spread_a = correlate(values_a**2, known_b) - sum_a**2 / n
+    spread_b = correlate(known_a, values_b**2) - sum_b**2 / n
+    together = correlate(values_a, values_b) - sum_a * sum_b / n
     floor = 1e-6 * max(float(np.nanvar(a) * len(a)), float(np.nanvar(b) * len(b)), 1e-12)
     usable = (spread_a > floor) & (spread_b > floor)
     scale = np.sqrt(np.where(usable, spread_a * spread_b, 1.0))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 from roadlog.errors import LogReadError
@@ -11,14 +10,7 @@ from roadlog.ingest.formats import mcap
 from roadlog.ingest.grid import one_grid
 from roadlog.ingest.profile import Profile, shipped
 from roadlog.signals import INPUTS
-from roadlog.storage import Channel, Table
-
-OWN = "roadlog."  # package of roadlog's messages
-
-
-def is_own(channels: Iterable[Channel]) -> bool:
-    """Whether a log has a channel of roadlog's own messages."""
-    return any(channel.schema.startswith(OWN) for channel in channels)
+from roadlog.storage import Table
 
 
 def own_profile(path: Path) -> Profile:

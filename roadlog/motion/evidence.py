@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.signal import correlate
 
 from roadlog.drive import Drive, nan_mean
+from roadlog.filters.correlate import correlate
 from roadlog.filters.lowpass import gaussian_mean
 from roadlog.geo import TransverseMercator
 from roadlog.signals import AXES, WHEELS
@@ -199,7 +199,7 @@ def _correlations(x: Floats, y: Floats, rate: float, reach_s: float) -> tuple[Fl
     window = slice(middle - reach, middle + reach + 1)
 
     def sums(a: Floats, b: Floats) -> Floats:
-        return correlate(b, a, method="fft")[window]
+        return correlate(b, a)[window]
 
     shared = sums(mx, my)
     with np.errstate(invalid="ignore", divide="ignore"):

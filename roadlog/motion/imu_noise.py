@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadlog.drive import Samples
+from roadlog.filters.spectrum import welch
 from roadlog.types import Floats
 
 SEGMENT, LEAST = 2.56, 256  # s and samples of a segment of the spectrum
@@ -57,16 +58,12 @@ def _white(imu: Samples, name: str, limit: float) -> float:
 
 def _floor(time: Floats, values: Floats, step: float) -> float:
     """Root of half the lowest part of the one-sided spectrum."""
-    from scipy.signal import welch
-
     if not step > 0:
         return 0.0
     parts = np.split(values, np.flatnonzero(np.diff(time) > JITTER * step) + 1)
     size = min(max(round(SEGMENT / step), LEAST), max(map(len, parts)))
     parts = [part for part in parts if len(part) >= size]
-    spectra = [
-        welch(part, 1 / step, nperseg=size, detrend="linear", average="median")[1] for part in parts
-    ]
+    spectra = [welch(part, 1 / step, size)[1] for part in parts]
     whole = np.average(spectra, axis=0, weights=[len(part) for part in parts])
     psd = whole[np.fft.rfftfreq(size, step) >= LOWEST]
     width = max(len(psd) // AVERAGED, 1)

@@ -13,10 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d
-from scipy.stats import t as student
 
+from roadlog.filters.lowpass import gaussian_mean
 from roadlog.types import Bools, Floats
 
 SPAN = 0.8  # s over which differences are taken: engine and road shake a sensor, not the speed
@@ -26,6 +24,8 @@ HOLE_INTERVALS = 2.5
 CELL = 0.1  # s; faster samples are taken together
 BLOCKS = (8.0, 16.0, 32.0)  # s; sums over these lengths are taken for independent, the worst counts
 MIN_BLOCKS = 4
+ROUNDS = 50  # of the spline's equations; each halves what is left of the error
+NORMAL = 1.96  # sd, 97.5 % point of the normal distribution
 LONGEST = 3600.0  # s of the recordings that are compared: an hour tells a clock to a millisecond
 NEAR = 2.0  # s about the first answer, where the equation may have its root
 STEPS = 20  # of Newton's method
@@ -95,6 +95,36 @@ def shift(reference: Track, other: Track, near: float) -> Shift | None:
     return None if found is None else Shift(-found.seconds, found.sd, found.interval)
 
 
+@dataclass(frozen=True)
+class Spline:
+    """The natural cubic spline through a track; `bend`: its second derivative at the samples."""
+
+    time: Floats
+    value: Floats
+    bend: Floats
+
+    @classmethod
+    def through(cls, track: Track) -> Spline:
+        """Of all samples."""
+        step = np.diff(track.time)
+        rate = np.diff(track.value) / step
+        both = step[:-1] + step[1:]
+        before = step[:-1] / both
+        wanted = 6 * np.diff(rate) / both
+        bend = np.zeros(len(track.time))
+        for _ in range(ROUNDS):
+            bend[1:-1] = 0.5 * (wanted - before * bend[:-2] - (1 - before) * bend[2:])
+        return cls(track.time, track.value, bend)
+
+    def __call__(self, at: Floats, place: NDArray) -> Floats:
+        """At times between the samples `place` and the ones after."""
+        step = self.time[place + 1] - self.time[place]
+        u = (at - self.time[place]) / step
+        w = 1 - u
+        bent = (w**3 - w) * self.bend[place] + (u**3 - u) * self.bend[place + 1]
+        return w * self.value[place] + u * self.value[place + 1] + bent * step**2 / 6
+
+
 class _Equation:
     """sum of z (slow(t) - a fast(t + x)) = 0 over differences at the slow track's stamps.
 
@@ -109,7 +139,7 @@ class _Equation:
         self.lag = max(1, round(SPAN / self.step))
         self.time = self._means(self.stamps)
         self.run = _runs(slow)[self.size - 1 :: self.size]
-        self.spline = CubicSpline(fast.time, fast.value)
+        self.spline = Spline.through(fast)
         self.fast, self.run_of_fast = fast.time, _runs(fast)
         self.own = self._differences(self._means(slow.value[: len(self.stamps)]), self.run)
         self.instrument = self._turn(self.own)
@@ -137,7 +167,7 @@ class _Equation:
         place = np.clip(np.searchsorted(self.fast, at, side="right") - 1, 0, len(self.fast) - 2)
         inside = (at >= self.fast[0]) & (at <= self.fast[-1])
         inside &= self.run_of_fast[place] == self.run_of_fast[place + 1]
-        value = np.where(inside, self.spline(at), np.nan)
+        value = np.where(inside, self.spline(at, place), np.nan)
         run = np.where(self._means(inside) == 1, self.run_of_fast[place][:: self.size], -1)
         model = self._differences(self._means(value), run)
         moved = self._turn(model)
@@ -169,11 +199,8 @@ class _Equation:
 
     def _banded(self, values: Floats) -> Floats:
         """Without what is slower than SLOW."""
-        known = np.isfinite(values)
-        width = SLOW / self.step
-        weight = gaussian_filter1d(known.astype(np.float64), width, mode="constant")
-        total = gaussian_filter1d(np.where(known, values, 0.0), width, mode="constant")
-        return np.where(known, values - total / np.maximum(weight, 1e-9), 0.0)
+        slow, _ = gaussian_mean(values, SLOW / self.step)
+        return np.where(np.isfinite(values), values - slow, 0.0)
 
 
 def _sums(time: Floats, score: Floats, length: float) -> Floats:
@@ -186,7 +213,20 @@ def _spread(sums: Floats) -> float:
     """sd of the total of independent sums of mean zero, wider where these are few."""
     count = len(sums)
     variance = float((sums**2).sum()) * count / (count - 1)
-    return float(np.sqrt(variance) * student.ppf(0.975, count - 1) / 1.96)
+    return float(np.sqrt(variance)) * _student(count - 1) / NORMAL
+
+
+def _student(freedom: int) -> float:
+    """97.5 % point of Student's t, to 0.1 % (Abramowitz and Stegun 1964, 26.7.5)."""
+    z = NORMAL
+    terms = (
+        z,
+        (z**3 + z) / 4,
+        (5 * z**5 + 16 * z**3 + 3 * z) / 96,
+        (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384,
+        (79 * z**9 + 776 * z**7 + 1482 * z**5 - 1920 * z**3 - 945 * z) / 92160,
+    )
+    return sum(term / freedom**k for k, term in enumerate(terms))
 
 
 def _runs(track: Track) -> NDArray:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from roadlog.errors import ConfigError, LogReadError, near
 from roadlog.geo import LocalPlane
@@ -129,6 +128,8 @@ def _by_position(
     corner = np.concatenate([[0.0], np.cumsum(steps)])
     along: Floats = np.arange(0.0, corner[-1] + STEP, STEP)
     line = np.stack([np.interp(along, corner, axis) for axis in corners.T], axis=1)
+    from scipy.spatial import cKDTree
+
     away, place = cKDTree(line).query(fixes)
     seconds = (time - time[0]) * 1e-9
     if len(time) < 2:
