@@ -18,6 +18,7 @@ from roadlog.types import Bools, Floats
 if TYPE_CHECKING:
     import pandas
 
+    from roadlog.details import DetailMetrics
     from roadlog.estimate import Detail, Estimate
     from roadlog.log import DriveLog
 
@@ -326,10 +327,12 @@ def to_json(
     metrics: Mapping[str, Mapping[str, AngleMetrics]],
     remove_offset: bool = False,
     stops: dict[str, StopMetrics] | None = None,
+    details: Mapping[str, Mapping[str, DetailMetrics]] | None = None,
 ) -> dict[str, Any]:
     """The object that `roadlog evaluate --json` prints.
 
-    stops: the headlamp report, there when an estimate has events at stops.
+    stops: the headlamp report, there when an estimate has events at stops. details: figures of
+    further channels that have a truth.
     """
     result: dict[str, Any] = {
         "log": str(log.path),
@@ -342,6 +345,11 @@ def to_json(
         result["checks"] = log.warnings
     if stops:
         result["stops"] = {name: asdict(values) for name, values in stops.items()}
+    if details:
+        result["details"] = {
+            name: {field: asdict(values) for field, values in fields.items()}
+            for name, fields in details.items()
+        }
     if remove_offset:
         result["remove_offset"] = True
     return result

@@ -22,6 +22,7 @@ LAYERS = (
     ("for_viewers",),
     ("metrics",),
     ("estimate",),
+    ("details",),
     ("filters",),
     ("car", "motion"),
     ("roads",),

@@ -13,9 +13,11 @@ import typer
 from roadlog.cli import console, options
 
 if TYPE_CHECKING:
+    from roadlog.details import DetailMetrics
     from roadlog.metrics import AngleMetrics, StopMetrics
 
 Metrics = Mapping[str, Mapping[str, "AngleMetrics"]]
+Details = Mapping[str, Mapping[str, "DetailMetrics"]]
 
 MATCHED = 0.99  # of the truth, below which an estimator's share is said
 
@@ -36,21 +38,24 @@ def evaluate(
     """Compare every estimate in the log with its truth.
 
     Errors are estimate minus truth at the truth's times, over valid samples. Angles: grade is
-    uphill +, pitch nose up +, bank and roll right side down +.
+    uphill +, pitch nose up +, bank and roll right side down +. Further channels, like tire forces
+    and sideslip, are compared where the log holds their truth.
 
     Example: roadlog evaluate drive.mcap --remove-offset
     """
-    from roadlog import metrics
+    from roadlog import details, metrics
     from roadlog.files import output
     from roadlog.log import DriveLog
 
     results: list[tuple[DriveLog, Metrics]] = []
     stops: list[dict[str, StopMetrics]] = []
+    further: list[Details] = []
     with output(csv, [*logs, profile], force=force):
         for path in logs:
             log = DriveLog(path, profile)
             results.append((log, metrics.evaluate(log, skip, remove_offset)))
             stops.append(metrics.stop_metrics(log, remove_offset))
+            further.append(details.detail_metrics(log, skip))
         if csv is not None:
             _write_csv(csv, [(str(log.path), values) for log, values in results])
     for log, _ in results:
@@ -58,13 +63,14 @@ def evaluate(
             console.complain(f"warning: {log.path}: {warning}")
     if as_json:
         documents = [
-            metrics.to_json(log, values, remove_offset, at_stops)
-            for (log, values), at_stops in zip(results, stops, strict=True)
+            metrics.to_json(log, values, remove_offset, at_stops, fields)
+            for (log, values), at_stops, fields in zip(results, stops, further, strict=True)
         ]
         console.print_json(documents[0] if len(documents) == 1 else documents)
     else:
-        for (log, values), at_stops in zip(results, stops, strict=True):
+        for (log, values), at_stops, fields in zip(results, stops, further, strict=True):
             _print(str(log.path), values, remove_offset)
+            _print_details(fields)
             for name, m in at_stops.items():
                 console.say(_at_stops(name, m))
     console.warn_losses([f"{log.path}: {loss}" for log, _ in results for loss in log.losses])
@@ -100,6 +106,22 @@ def _print(log: str, values: Metrics, remove_offset: bool) -> None:
                 f"{name}: compared at {share:.0%} of the truth's samples; near the others it has "
                 "no valid estimate"
             )
+
+
+def _print_details(fields: Details) -> None:
+    """Errors of further channels, beside the spread of their truth."""
+    from roadlog.details import for_people
+
+    rows = []
+    for name, m, of in ((n, m, f) for n, found in fields.items() for f, m in found.items()):
+        unit, factor = for_people(m.unit)
+        values = (m.rmse, m.bias, m.mae, m.p95, m.max, m.spread)
+        shown = [console.figure(None if v is None else factor * v) for v in values]
+        rows.append([of, name, unit, *shown, _percent(m.within_2sd)])
+    columns = ["field", "estimator", "unit", "RMSE", "mean", "MAE", "95 %", "max", "true sd"]
+    if rows:
+        title = "further channels, at the truth's times; true sd: the spread of the truth itself"
+        console.print_table([*columns, "in 2 sd"], sorted(rows), title, left=3)
 
 
 def _at_stops(name: str, m: StopMetrics) -> str:

@@ -19,6 +19,10 @@ def plot(
     ],
     profile: options.TopicProfile = None,
     names: options.Estimators = None,
+    further: Annotated[
+        list[str] | None,
+        typer.Option("--detail", metavar="NAME", help="Draw this instead, as tires; repeatable."),
+    ] = None,
     over: Annotated[
         str, typer.Option(metavar="time|distance", help="What the angles are drawn over.")
     ] = "time",
@@ -32,7 +36,8 @@ def plot(
 ) -> None:
     """Draw angles against truth with ±2 sd bands, and errors.
 
-    Without -e the three most prominent estimators of each angle are drawn.
+    Without -e the three most prominent estimators of each angle are drawn. --detail draws further
+    channels of the estimators whose truth the log holds, like tire forces.
 
     Example: roadlog plot drive.mcap -e fusion --over distance --from 500 --to 900 -o grade.svg
     """
@@ -53,8 +58,9 @@ def plot(
         shown = drive_view(opened, names or ())
         for note in shown.notes:
             console.note(note)
-        write_figure(shown, out, part)
-    drawn = {name for labels in shown.shown.values() for name in labels}
+        write_figure(shown, out, part, further or ())
+    groups = [p.estimates for p in shown.fields.values()] if further else shown.shown.values()
+    drawn = {name for labels in groups for name in labels}
     names_drawn = ", ".join(name for name in shown.estimators if name in drawn)
     console.say(f"{out}: {names_drawn or 'the truth alone; no estimates are in the log'}")
     console.warn_losses([f"{log.path}: {loss}" for log in opened for loss in log.losses])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from roadlog.details import FieldErrors, for_people
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.metrics import AngleErrors
@@ -33,6 +34,7 @@ class Detail:
         self.curves: dict[str, dict[str, list]] = {}
         self.errors: dict[str, dict[str, list]] = {}
         self.histograms: dict[str, dict[str, list[int]]] = {}
+        self.fields: dict[str, dict[str, Any]] = {}
         self.events: list[dict[str, Any]] = []
         self.track = self._track(drive)
         if truth is not None:
@@ -55,6 +57,17 @@ class Detail:
         counts, _ = np.histogram(np.clip(wrong[errors.valid], -inner, inner), bins)
         self.histograms.setdefault(angle, {})[name] = counts.tolist()
 
+    def add_field(self, name: str, errors: FieldErrors) -> None:
+        """One field of a further channel of one estimator beside its truth."""
+        unit, factor = for_people(errors.unit)
+        self.fields[errors.name] = {"unit": unit, "factor": factor}
+        value = factor * np.where(errors.valid, errors.value, np.nan)
+        curves = self.curves.setdefault(errors.name, {})
+        curves.setdefault("truth", self._thin(errors.time, factor * errors.true))
+        curves[name] = self._thin(errors.time, value)
+        wrong = value - factor * errors.true
+        self.errors.setdefault(errors.name, {})[name] = self._thin(errors.time, wrong)
+
     def add_events(self, name: str, time: Floats, columns: Mapping[str, NDArray]) -> None:
         """A channel of events as a table."""
         rows = np.column_stack([time, *(np.asarray(c, np.float64) for c in columns.values())])
@@ -75,6 +88,7 @@ class Detail:
             "curves": self.curves,
             "errors": self.errors,
             "histograms": self.histograms,
+            "fields": self.fields,
             "histogram": {"limit": HISTOGRAM_LIMIT, "step": HISTOGRAM_STEP},
             "track": self.track,
             "events": self.events,

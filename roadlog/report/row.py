@@ -19,8 +19,10 @@ import numpy as np
 
 from roadlog import checks, estimators
 from roadlog.car.vehicle import Vehicle
+from roadlog.details import field_errors, true_details
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError, RoadlogError
+from roadlog.estimate import Detail as Channel
 from roadlog.estimate import Estimate
 from roadlog.log import DriveLog
 from roadlog.metrics import DEFAULT_SKIP, angle_errors, angle_metrics
@@ -74,6 +76,7 @@ class _Opened:
     metadata: Mapping[str, Mapping[str, str]]
     losses: list[str]
     log: DriveLog | None
+    true_details: Mapping[str, Channel] = field(default_factory=dict)
 
 
 @dataclass
@@ -117,6 +120,7 @@ def empty_row(source: Source, options: Options) -> dict[str, Any]:
         "distance_m": None,
         "estimators": [],
         "angles": {},
+        "details": {},
         "grade": None,
         "bank": None,
         "stops": None,
@@ -210,6 +214,7 @@ def _work_on(path: Path, source: Source, options: Options, work: _Work) -> None:
             seconds["estimate"] += time.perf_counter() - clock
         clock = time.perf_counter()
         _reduce(estimate, drive, truth, work)
+        _reduce_details(estimate, opened.true_details, work)
         if options.write_back:
             work.kept.append(estimate)
         seconds["evaluate"] += time.perf_counter() - clock
@@ -237,7 +242,8 @@ def _open(path: Path, options: Options) -> _Opened:
         return _Opened(tables, given or Vehicle(), result.metadata, result.losses, None)
     log = DriveLog(path)
     tables = log.tables([*(section.topic for section in INPUTS), TRUTH_TOPIC])
-    return _Opened(tables, given or log.vehicle, log.metadata, log.losses, log)
+    details = true_details(log)
+    return _Opened(tables, given or log.vehicle, log.metadata, log.losses, log, details)
 
 
 def _chosen(drive: Drive, options: Options, row: dict[str, Any]) -> list[str]:
@@ -299,6 +305,18 @@ def _reduce(estimate: Estimate, drive: Drive, truth: Estimate | None, work: _Wor
             work.detail.add_events(name, events.time, events.columns)
     if work.passes is None:
         work.passes = pass_of(drive, estimate)
+
+
+def _reduce_details(estimate: Estimate, truths: Mapping[str, Channel], work: _Work) -> None:
+    """Figures, SI, and curves of further channels that have a truth."""
+    figures = {}
+    for errors in field_errors(estimate.details, truths, estimate):
+        found = asdict(errors.metrics(float(estimate.time[0]) + DEFAULT_SKIP))
+        figures[errors.name] = {name: v for name, v in found.items() if name != "unit"}
+        if work.detail is not None:
+            work.detail.add_field(estimate.name, errors)
+    if figures:
+        work.row["details"][estimate.name] = figures
 
 
 def _statistics(radians: np.ndarray) -> dict[str, float]:

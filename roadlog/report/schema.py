@@ -33,6 +33,9 @@ def check_row(row: Any) -> None:
         if name not in row:
             raise ValueError(f"has no {name}")
         check(row[name], name)
+    for name, check in _LATER.items():
+        if name in row:
+            check(row[name], name)
 
 
 def options(found: Any) -> Options:
@@ -128,3 +131,5 @@ _ROW: Mapping[str, Check] = {
     "flags": _mapping(_numbers),
     "cannot_run": _mapping(_text),
 }  # fmt: skip
+# what rows of earlier versions lack
+_LATER: Mapping[str, Check] = {"details": _mapping(_mapping(_mapping(_some)))}

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -10,11 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from roadlog.drive import runs
-from roadlog.errors import LogReadError
+from roadlog.errors import LogReadError, near
 from roadlog.files import replacing
 from roadlog.types import Bools, Floats
 from roadlog.view import colors
-from roadlog.view.model import Curve, DriveView, Inputs
+from roadlog.view.curves import Curve
+from roadlog.view.fields import FieldPlot
+from roadlog.view.model import DriveView, Inputs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,14 +68,20 @@ WHOLE = Part()
 PANELS = {"speed": "speed [m/s]", "altitude": "altitude [m]"}  # inputs shown below the angles
 
 
-def write_figure(view: DriveView, path: Path, part: Part = WHOLE) -> None:
+def write_figure(
+    view: DriveView, path: Path, part: Part = WHOLE, further: Sequence[str] = ()
+) -> None:
     """Write angles (left) and errors (right), one row an angle, with ±2 sd bands.
 
-    Raises LogReadError when the log has no angle to draw in that part, LogWriteError.
+    further: channels or fields that are drawn instead, like `tires` or `sideslip.beta`. Raises
+    LogReadError when the log has nothing of them to draw in that part, LogWriteError.
     """
     import matplotlib
 
-    if not view.ranges:
+    figure_of: Callable[[DriveView, Part], Figure] = angle_figure
+    if further:
+        figure_of = partial(field_figure, fields=_chosen(view, further))
+    elif not view.ranges:
         raise LogReadError(
             f"{view.name}: has no estimates and no truth to draw; run `roadlog estimate` first"
         )
@@ -83,7 +93,7 @@ def write_figure(view: DriveView, path: Path, part: Part = WHOLE) -> None:
         )
     # the same log gives the same bytes: no random ids, no date; text in an svg stays text
     with matplotlib.rc_context({"svg.hashsalt": "roadlog", "svg.fonttype": "none"}):
-        figure = angle_figure(view, part)
+        figure = figure_of(view, part)
         kind = path.suffix.lower()[1:]
         date = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
         with replacing(path) as file:
@@ -113,6 +123,72 @@ def angle_figure(view: DriveView, part: Part = WHOLE) -> Figure:
         _panel(row[0], view, panel, part)
         for axis in row[1:]:
             axis.set_axis_off()
+    _finish_figure(figure, axes, view, part, drawn)
+    return figure
+
+
+def field_figure(view: DriveView, part: Part, fields: Mapping[str, FieldPlot]) -> Figure:
+    """Further channels beside their truth (left) and their errors (right), one row a field."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 1.1 + ROW * len(fields)), layout="constrained")
+    axes = figure.subplots(len(fields), 2, sharex=True, squeeze=False)
+    axes[0, 0].set_title(f"{view.name}: estimates with their ±2 sd", loc="left", fontsize=10)
+    color = {k: f"#{v:06x}" for k, v in colors.colors(view.estimators).items()}
+    drawn: dict[str, Any] = {}
+    for (left, right), (name, plot) in zip(axes, fields.items(), strict=True):
+        drawn |= _field(left, plot, part, color)
+        said = _field_errors(right, plot, part, color)
+        left.set_ylabel(f"{name} [{plot.unit}]")
+        right.set_ylabel(f"error [{plot.unit}]")
+        right.set_title("; ".join(said), loc="left", fontsize=8)
+    _finish_figure(figure, axes, view, part, drawn)
+    return figure
+
+
+def _chosen(view: DriveView, further: Sequence[str]) -> dict[str, FieldPlot]:
+    """The fields of the channels, or the single ones, that were asked for."""
+    chosen: dict[str, FieldPlot] = {}
+    for wanted in further:
+        found = {n: p for n, p in view.fields.items() if wanted in (n, n.partition(".")[0])}
+        if not found:
+            known = [*dict.fromkeys(n.partition(".")[0] for n in view.fields), *view.fields]
+            said = near(wanted, known) if known else "It has no further channel with a truth."
+            raise LogReadError(f"{view.name}: no channel '{wanted}' with a truth. {said}")
+        chosen |= found
+    return chosen
+
+
+def _field(axis: Axes, plot: FieldPlot, part: Part, color: Mapping[str, str]) -> dict[str, Any]:
+    """Truth and estimates of one field; name -> what the legend shows."""
+    at = part.inside(plot.truth)
+    gray = f"#{colors.TRUTH:06x}"
+    drawn = {"truth": axis.plot(part.of(plot.truth)[at], plot.truth.values[at], color=gray, lw=2.5)}
+    for name, curve in plot.estimates.items():
+        drawn[name] = axis.plot(part.of(curve)[at], curve.values[at], color=color[name], lw=1.0)
+        _band(axis, curve, curve.values, color[name], part)
+    _plain(axis)
+    return {name: lines[0] for name, lines in drawn.items()}
+
+
+def _field_errors(axis: Axes, plot: FieldPlot, part: Part, color: Mapping[str, str]) -> list[str]:
+    """Errors about their bands; RMSE in words."""
+    at, said = part.inside(plot.truth), []
+    for name, curve in plot.estimates.items():
+        error = curve.values - plot.truth.values
+        axis.plot(part.of(curve)[at], error[at], color=color[name], lw=1.0)
+        _band(axis, curve, np.where(np.isfinite(error), 0.0, np.nan), color[name], part)
+        known = error[at & np.isfinite(error)]
+        if len(known):
+            said.append(f"{name} RMSE {np.sqrt(np.mean(known**2)):.3g} {plot.unit}")
+    _plain(axis)
+    return said
+
+
+def _finish_figure(
+    figure: Figure, axes: Any, view: DriveView, part: Part, drawn: Mapping[str, Any]
+) -> None:
+    """The axis of time below, the legend above."""
     for column in axes.T:  # the lowest that is drawn has the axis of time
         lowest = [axis for axis in column if axis.axison][-1]
         lowest.set_xlabel(part.label)
@@ -128,7 +204,6 @@ def angle_figure(view: DriveView, part: Part = WHOLE) -> Figure:
         ncols=min(len(labels), 6),
         frameon=False,
     )
-    return figure
 
 
 def _angle(

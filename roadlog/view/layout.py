@@ -39,7 +39,7 @@ class _WholeDrive(rrb.Blueprint):  # type: ignore[misc]
 
 def layout(view: DriveView) -> rrb.Blueprint:
     """The tabs; one without data is left out."""
-    makers = (_angles, _totals, _errors, _inputs, _scene, _map, _windows, _summary)
+    makers = (_angles, _totals, _errors, _fields, _inputs, _scene, _map, _windows, _summary)
     tabs = [tab for maker in makers if (tab := maker(view)) is not None]
     return _WholeDrive(
         rrb.Tabs(*tabs, active_tab=0),
@@ -83,6 +83,12 @@ def _errors(view: DriveView) -> Any:
             )
             rows.append(rrb.Horizontal(_error_plot(view, angle), histogram, column_shares=[4, 1]))
     return rrb.Vertical(*rows, name="Errors") if rows else None
+
+
+def _fields(view: DriveView) -> Any:
+    """Further channels that have a truth."""
+    plots = [_plot(f"{n} [{p.unit}]", path("fields", n)) for n, p in view.fields.items()]
+    return rrb.Grid(*plots, grid_columns=3, name="Further") if plots else None
 
 
 def _inputs(view: DriveView) -> Any:

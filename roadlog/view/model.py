@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roadlog.drive import Drive, stale_limit
+from roadlog.drive import Drive
 from roadlog.errors import ConfigError
 from roadlog.estimate import Estimate
 from roadlog.log import DriveLog
@@ -15,6 +15,8 @@ from roadlog.metrics import AngleErrors, angle_errors
 from roadlog.signals import ANGLES
 from roadlog.types import Floats
 from roadlog.view.colors import ordered
+from roadlog.view.curves import Curve, on_clock
+from roadlog.view.fields import FieldPlot, field_plots
 from roadlog.view.lanes import Lane, drive_lanes
 from roadlog.view.runs import Run, load_runs
 from roadlog.view.scene import Scene, drive_scene
@@ -26,22 +28,8 @@ DEFAULT_RATE = 20.0  # Hz; 100 Hz makes files five times larger and the viewer s
 SHOWN_FIRST = 3  # estimators of one angle that are drawn when a tab opens; more overlap too much
 UNSURE = 1.0  # degrees; one whose own sd mostly exceeds this is not drawn at first
 RANGE_SHARE = 99.5  # %, of an estimate's values that its axis shows; spikes may leave it
-CLOCK_SHARE = 1.5  # intervals of the drive; rarer samples are joined by a line
 LABEL_SHARE = 9.0  # an axis of more than this many powers of ten labels only every tenth
 BINS = 60  # of an error histogram
-
-
-@dataclass(frozen=True)
-class Curve:
-    """One line: time s from the start of the drive, values, sd of the values or None.
-
-    distance: m along the drive at the same samples; None when the log has no speed.
-    """
-
-    time: Floats
-    values: Floats
-    sd: Floats | None = None
-    distance: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -70,7 +58,8 @@ class DriveView:
     A label is the name of an estimator, with `@run` behind it when several logs are shown.
     estimators: labels, the most prominent first. shown: angle -> the labels that are drawn at
     first. truth, estimates, errors, histograms: angle -> label -> data. inputs: plot -> run ->
-    signals. ranges, error_ranges: angle -> lowest and highest value of the axis.
+    signals. ranges, error_ranges: angle -> lowest and highest value of the axis. fields: fields of
+    further channels that have a truth, like `tires.fx_fl`.
     """
 
     name: str
@@ -84,6 +73,7 @@ class DriveView:
     inputs: dict[str, dict[str, Inputs]]
     ranges: dict[str, tuple[float, float]]
     error_ranges: dict[str, tuple[float, float]]
+    fields: dict[str, FieldPlot]
     lanes: dict[str, Lane]
     tracks: dict[str, Track]
     scene: Scene | None
@@ -158,6 +148,7 @@ def drive_view(
         _inputs(drives),
         _ranges(truth, estimates, shown),
         error_ranges,
+        field_plots(runs),
         {name: lane for run in drives for name, lane in drive_lanes(run).items()},
         {run.name: track for run in drives if (track := drive_track(run)) is not None},
         drive_scene(drives[0], runs, shown),
@@ -249,41 +240,12 @@ def _by_angle(values: dict) -> dict:
 
 def _angle_curve(run: Run, track: Estimate, angle: str) -> Curve:
     values = np.degrees(np.where(track.valid, track.angles[angle], np.nan))
-    return _on_clock(run, track.time, values, np.degrees(track.sd[angle]))
+    return on_clock(run, track.time, values, np.degrees(track.sd[angle]))
 
 
 def _error_curve(run: Run, error: AngleErrors) -> Curve:
     values = np.where(error.valid, np.degrees(error.error), np.nan)
-    return _on_clock(run, error.time, values, np.degrees(error.sd))
-
-
-def _on_clock(run: Run, own: Floats, values: Floats, sd: Floats) -> Curve:
-    """The samples next to the drive's times; between samples that are rarer a line is drawn.
-
-    All curves of a drive share its times, so that a recording holds them once. NaN where no
-    sample is near.
-    """
-    time = run.drive.time
-    unknown = np.full(len(time), np.nan)
-    if len(own) < 2:
-        return Curve(time, unknown, None, run.distance)
-    after = np.clip(np.searchsorted(own, time), 1, len(own) - 1)
-    before = after - 1
-    nearest = np.where(time - own[before] <= own[after] - time, before, after)
-    if float(np.median(np.diff(own))) <= CLOCK_SHARE * run.drive.dt:
-        near = np.abs(own[nearest] - time) <= stale_limit(own)
-        shown, width = values[nearest], sd[nearest]
-    else:
-        inside = (time >= own[0]) & (time <= own[-1])
-        near = inside & (own[after] - own[before] <= stale_limit(own))
-        shown, width = np.interp(time, own, values), np.interp(time, own, sd)
-    known = bool(np.isfinite(sd).any())
-    return Curve(
-        time,
-        np.where(near, shown, np.nan),
-        np.where(near, width, np.nan) if known else None,
-        run.distance,
-    )
+    return on_clock(run, error.time, values, np.degrees(error.sd))
 
 
 def _inputs(drives: Sequence[Run]) -> dict[str, dict[str, Inputs]]:

@@ -13,9 +13,10 @@ from roadlog.errors import RoadlogError
 from roadlog.files import write
 from roadlog.types import Floats, Stamps
 from roadlog.view import colors
+from roadlog.view.curves import Curve
 from roadlog.view.lanes import STATES
 from roadlog.view.layout import layout
-from roadlog.view.model import Curve, DriveView
+from roadlog.view.model import DriveView
 from roadlog.view.names import APPLICATION, BAND, DISTANCE, MORE, SHOWN, TIMELINE, path
 from roadlog.view.scene import Scene
 from roadlog.view.stops import TITLE, StopPicture
@@ -59,14 +60,19 @@ def log_view(recording: rr.RecordingStream, view: DriveView) -> None:
     """Send everything of a drive to a recording."""
     recording.send_recording_name(view.name)
     _curves(recording, view)
-    for plot, by_run in view.inputs.items():
+    for signals, by_run in view.inputs.items():
         for run, inputs in by_run.items():
-            entity = path("inputs", plot, run or "signals")
+            entity = path("inputs", signals, run or "signals")
             shades = _rgba([colors.PALETTE[k] for k in range(len(inputs.names))])
             style = rr.SeriesLines(names=list(inputs.names), colors=shades)
             recording.log(entity, style, static=True)
             times = _times(inputs.time, inputs.distance)
             recording.send_columns(entity, times, rr.Scalars.columns(scalars=_fine(inputs.values)))
+    color = colors.colors(view.estimators)
+    for name, plot in view.fields.items():
+        _truth(recording, path("fields", name, "truth"), "truth", plot.truth)
+        for entity, curves in grouped(plot.estimates, tuple(plot.estimates)).items():
+            _estimates(recording, path("fields", name, entity), curves, color, True)
     for name, lane in view.lanes.items():
         entity = path("lanes", name)
         known = list(dict.fromkeys(state for state in lane.states if state))
@@ -79,7 +85,7 @@ def log_view(recording: rr.RecordingStream, view: DriveView) -> None:
     for name, track in view.tracks.items():
         _track(recording, name, track)
     if view.scene is not None:
-        _scene(recording, view.scene, colors.colors(view.estimators))
+        _scene(recording, view.scene, color)
     for label, picture in view.stops.items():
         _stops(recording, label, picture)
     for name, text in view.texts.items():

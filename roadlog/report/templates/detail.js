@@ -2,7 +2,9 @@
 const { row, time } = data;
 const VISIBLE = 5; // estimators shown at first, the best ones
 const angles = ANGLES.filter((angle) => data.curves[angle]);
-const rmse = (name, angle) => row.angles[name]?.[angle]?.rmse_deg ?? Infinity;
+const fields = Object.keys(data.fields); // of further channels, like tire forces
+const unit = (angle) => data.fields[angle]?.unit ?? "deg";
+const rmse = (name, angle) => row.angles[name]?.[angle]?.rmse_deg ?? row.details[name]?.[angle]?.rmse ?? Infinity;
 
 function ranked(angle) {
   return Object.keys(data.curves[angle] || {}).filter((name) => name !== "truth")
@@ -43,8 +45,8 @@ function showCurves(angle) {
   draw("curves", traces, {
     height: 560, hovermode: "x unified",
     xaxis: { title: { text: "time, s" }, anchor: hasErrors ? "y2" : "y" },
-    yaxis: { title: { text: angle.replace("_", " ") + ", deg" }, domain: hasErrors ? [0.42, 1] : [0, 1] },
-    yaxis2: hasErrors ? { title: { text: "error, deg" }, domain: [0, 0.36] } : undefined,
+    yaxis: { title: { text: plain(angle) + ", " + unit(angle) }, domain: hasErrors ? [0.42, 1] : [0, 1] },
+    yaxis2: hasErrors ? { title: { text: "error, " + unit(angle) }, domain: [0, 0.36] } : undefined,
     legend: { orientation: "h", y: 1.02, yanchor: "bottom" },
   });
 }
@@ -78,7 +80,7 @@ function showMap(angle, name) {
     x: data.track.longitude, y: data.track.latitude, type: "scatter", mode: "markers",
     text: (color || []).map((v, k) => "t = " + time[k] + " s: " + figure(v) + " deg"), hoverinfo: "text",
     marker: { size: 5, color, colorscale: errors ? "YlOrRd" : "RdBu", reversescale: Boolean(errors),
-      colorbar: { title: { text: errors ? "|error|, deg" : plain(angle) + ", deg" }, thickness: 12 } },
+      colorbar: { title: { text: (errors ? "|error|, " : plain(angle) + ", ") + unit(angle) }, thickness: 12 } },
   }], {
     height: 380, showlegend: false, xaxis: { title: { text: "longitude, deg" } },
     yaxis: { title: { text: "latitude, deg" }, scaleanchor: "x", scaleratio: 1 / Math.cos((middle * Math.PI) / 180) },
@@ -105,6 +107,14 @@ function showFigures() {
   }));
   byId("figures").replaceChildren(table(
     ["angle", "estimator", "RMSE", "mean", "MAE", "95 %", "max", "in 2 sd", "NEES", "valid", "took s"], rows, 2));
+  const further = fields.flatMap((field) => ranked(field).map((name) => {
+    const m = row.details[name][field];
+    const shown = [m.rmse, m.bias, m.mae, m.p95, m.max, m.spread];
+    return [field, name, unit(field), ...shown.map((v) => figure(v === null ? null : v * data.fields[field].factor)),
+      percent(m.within_2sd)];
+  }));
+  if (further.length) byId("figures").append(table(
+    ["further", "estimator", "unit", "RMSE", "mean", "MAE", "95 %", "max", "true sd", "in 2 sd"], further, 3));
 }
 
 function showEvents() {
@@ -132,7 +142,8 @@ function update() {
   showMap(angle, byId("estimator").value);
 }
 
-fill(byId("angle"), angles.map((a) => [a, a.replace("_", " ")]), angles[0]);
+const names = [...angles.map((a) => [a, a.replace("_", " ")]), ...fields.map((f) => [f, f])];
+fill(byId("angle"), names, names[0]?.[0]);
 byId("angle").onchange = update;
 byId("estimator").onchange = () => showMap(byId("angle").value, byId("estimator").value);
 dark.addEventListener("change", update);
