@@ -103,13 +103,7 @@ def test_a_full_car_in_curves() -> None:
     assert abs((found.vehicle.imu_position or (9.0,))[0] - place[0]) < 0.3
 
 
-SINCE_OWN_NOISE = pytest.mark.xfail(
-    strict=True,
-    reason="yaw is 2.6 deg off since fusion takes its noise from the drive (was 0.16): not solved",
-)
-
-
-@pytest.mark.parametrize("ahead", [-0.8, pytest.param(0.8, marks=SINCE_OWN_NOISE)])
+@pytest.mark.parametrize("ahead", [-0.8, 0.8])
 def test_an_antenna_elsewhere_does_not_turn_the_imu(ahead: float) -> None:
     """On a circle its course is off by its distance ahead of the IMU over the radius: 1.5 deg."""
     overrides = antenna_apart(ahead)

@@ -137,7 +137,7 @@ class Evidence:
         sign = np.sign(r[peak])
         found = _refined(lags, sign * r, peak)
         shift = round(float(lags[peak]) * self.rate)
-        x, y = _shifted(other, late, shift)
+        x, y = shifted(other, late, shift)
         both = np.isfinite(x) & np.isfinite(y)
         ratio = float(np.std(x[both]) / np.std(y[both])) if np.std(y[both]) > 0 else np.nan
         own = [found for _, found, r_own in self.block_lags(other, late, BLOCK) if r_own * sign > 0]
@@ -159,6 +159,14 @@ class Evidence:
                 found = _refined(lags, np.abs(r), peak)
                 result.append(((start + size / 2) / self.rate, found, float(r[peak])))
         return result
+
+
+def unexplained(late: Floats, by: Floats, shift: int) -> float:
+    """Share of the variance of late(t + shift) that no sum of the rows of `by` (m, n) explains."""
+    y, columns = shifted(late, by.T, -shift)
+    known = np.isfinite(y) & np.isfinite(columns).all(axis=1)
+    left = y[known] - columns[known] @ np.linalg.lstsq(columns[known], y[known], rcond=None)[0]
+    return float((left @ left) / (y[known] @ y[known]))
 
 
 def correlation(x: Floats, y: Floats, rate: float) -> tuple[float, float]:
@@ -218,7 +226,7 @@ def _refined(lags: Floats, r: Floats, peak: int) -> float:
     return float(lags[peak] + step * (lags[1] - lags[0]))
 
 
-def _shifted(x: Floats, y: Floats, shift: int) -> tuple[Floats, Floats]:
+def shifted(x: Floats, y: Floats, shift: int) -> tuple[Floats, Floats]:
     """x(t) beside y(t + shift)."""
     if shift >= 0:
         return x[: len(x) - shift], y[shift:]

@@ -12,7 +12,7 @@ import numpy as np
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, Samples, nan_mean
 from roadlog.estimators.fusion.steps import RATE
-from roadlog.motion.evidence import Evidence
+from roadlog.motion.evidence import Evidence, unexplained
 from roadlog.types import Bools, Floats
 
 SPEED_GAP = 3.0  # s without speed, flagged
@@ -21,6 +21,7 @@ EARLIEST, LATEST = -1.0, 4.0  # s, of the receiver behind the car's own speed
 COARSE, FINE = 0.1, 0.01  # s, steps in which that is looked for, one after the other
 CLEAR_LAG = 0.85  # correlation of speed and acceleration from which a lag counts
 LARGE_LAG = 0.1  # s; a smaller one is the filter's to find
+NO_TURN = 1.2  # of what the lag leaves unexplained: turning the IMU leaves more; 1.07 on circles
 DELAY_CORRELATION = (
     5.0  # the sd of a delay grows by this: the residuals of speeds are no white noise
 )
@@ -70,13 +71,20 @@ def speed_source(drive: Drive, vehicle: Vehicle) -> SpeedSource:
 
 
 def on_time(source: SpeedSource, drive: Drive) -> SpeedSource:
-    """The samples moved by their lag behind the accelerations, where that is large and clear."""
+    """The samples moved by their lag behind the accelerations, where that is large and clear.
+
+    On a circle a lag and a turned IMU look alike: what a turn explains as well is no lag.
+    """
     evidence = Evidence.of(drive)
     value = np.interp(drive.time, source.time, source.value)
     speed = Evidence.block(value, drive.rate)
     late = evidence.band(evidence.slope(speed))
-    lag = evidence.lag(evidence.band(evidence["imu.accel_x"]), late, LATEST)
+    forces = np.stack([evidence.band(evidence[f"imu.accel_{axis}"]) for axis in "xy"])
+    lag = evidence.lag(forces[0], late, LATEST)
     if lag is None or lag.r < CLEAR_LAG or abs(lag.lag) < LARGE_LAG:
+        return source
+    moved = unexplained(late, forces, round(lag.lag * evidence.rate))
+    if unexplained(late, forces, 0) < NO_TURN * moved:
         return source
     if abs(lag.lag) >= LATEST - 1 / evidence.rate:
         return replace(source, edge=True)
