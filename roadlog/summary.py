@@ -97,7 +97,8 @@ def summarize(log: DriveLog) -> LogSummary:
         found += checks.check(tables, log.vehicle)
         drive = Drive.from_tables(tables.values())
     except LogReadError as error:
-        found.append(Finding("no_drive", "fault", (), str(error)))
+        advice = "`roadlog profile new` maps others"
+        found.append(Finding("no_drive", "fault", (), str(error), advice))
     return LogSummary(
         str(log.path),
         duration,

@@ -15,12 +15,13 @@ from roadlog.errors import LogReadError
 from roadlog.storage import LogReader, Table
 
 MOST_SAID = 20  # differences of one log
+XCDR2 = 0x06  # the first representation of version 2: OMG DDS-XTYPES 1.3, table 60
 _STEP = re.compile(r"\.?([^.\[\]]+)|\[(\d+)\]")
 
 
 @dataclass(frozen=True)
 class TopicWitness:
-    """What both readers found on one topic. values: numbers compared. left_out: columns not."""
+    """What both readers found on one topic. values: numbers alike; left_out: columns not read."""
 
     topic: str
     messages: int
@@ -87,7 +88,8 @@ def _their_reading(path: Path, found: Witness) -> dict[str, _Theirs]:
                         decoders[channel.id] = next((m for m in made if m is not None), None)
                     decode = decoders[channel.id]
                     theirs[channel.topic].times.append(record.log_time)
-                    message = decode(record.data) if decode is not None else None
+                    unread = channel.message_encoding == "cdr" and _is_xcdr2(record.data)
+                    message = None if decode is None or unread else decode(record.data)
                     theirs[channel.topic].messages.append(message)
     except OSError as error:
         raise LogReadError(f"{path}: cannot be opened: {error.strerror}") from error
@@ -95,6 +97,11 @@ def _their_reading(path: Path, found: Witness) -> dict[str, _Theirs]:
         text = " ".join(str(error).split())
         found.differences.append(f"the mcap library stops: {type(error).__name__}: {text}")
     return theirs
+
+
+def _is_xcdr2(message: bytes) -> bool:
+    """Whether CDR is of version 2, which mcap-ros2-support 0.6.0 decodes by the rules of 1."""
+    return len(message) > 1 and message[1] >= XCDR2
 
 
 def _decoders() -> Iterator[Any]:
@@ -131,12 +138,12 @@ def _compare(ours: Table, theirs: _Theirs, found: Witness) -> None:
             left_out.append(name)
             continue
         wrong = np.flatnonzero(~_equal(np.asarray(column), other))
-        values += len(other)
+        values += len(other) - len(wrong)
         if len(wrong):
             k = int(wrong[0])
             found.differences.append(
                 f"{ours.topic}: {name}: {len(wrong)} values differ, the first at {ours.time[k]} "
-                f"ns: {column[k]!r}, by mcap {other[k]!r}"
+                f"ns: {float(column[k])}, by mcap {other[k]}"
             )
     found.topics.append(TopicWitness(ours.topic, len(ours), values, tuple(left_out)))
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 from support.drives import ROOT
 from support.results import put, result
 from typer.testing import CliRunner
@@ -43,3 +45,23 @@ def test_a_damaged_log_differs(hill_log: Path) -> None:
     content[len(content) // 2] ^= 1
     hill_log.write_bytes(content)
     assert CliRunner().invoke(app, ["verify", str(hill_log)]).exit_code == 3
+
+
+def test_what_the_witness_cannot_decode_is_not_called_different(tmp_path: Path) -> None:
+    """mcap-ros2-support 0.6.0 decodes XCDR 2 by the rules of XCDR 1: its values are no witness."""
+    pytest.importorskip("mcap_ros2")
+    log = tmp_path / "xcdr2.mcap"
+    writer = Writer(str(log))
+    writer.start()
+    text = b"float32 speed\nfloat32 yaw_rate\n"
+    schema = writer.register_schema("car/msg/Motion", "ros2msg", text)
+    channels = [writer.register_channel(topic, "cdr", schema) for topic in ("/first", "/second")]
+    motion = struct.pack("<ff", 20.0, 0.5)
+    bodies = [b"\0\1\0\0" + motion, b"\0\x09\0\0" + struct.pack("<I", len(motion)) + motion]
+    for channel, body in zip(channels, bodies, strict=True):
+        writer.add_message(channel, 10**9, body, 10**9)
+    writer.finish()
+    found = verify(log)
+    assert not found.differences
+    compared = {t.topic: (t.values, t.left_out) for t in found.topics}
+    assert compared == {"/first": (2, ()), "/second": (0, ("speed", "yaw_rate"))}

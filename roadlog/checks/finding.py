@@ -63,7 +63,8 @@ class Finding:
     def short(self) -> str:
         """What was found, without the advice."""
         at = "" if self.at is None else f" (from {self.at:.1f} s)"
-        return f"{', '.join(self.signals)}: {self.found}{at}"
+        where = f"{', '.join(self.signals)}: " if self.signals else ""
+        return f"{where}{self.found}{at}"
 
     def __str__(self) -> str:
         return f"{self.short}; {self.advice}" if self.advice else self.short
