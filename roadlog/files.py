@@ -114,12 +114,12 @@ class Part:
         if standing is None:
             self._appear(target)
         else:
-            if state(target) != standing:
-                raise changed(target)
             status = target.lstat()
             if stat.S_ISREG(status.st_mode):
                 check_unprotected(target, status)
                 self._take_over(status)
+            if state(target) != standing:  # last: nothing may come between
+                raise changed(target)
             self.path.replace(target)
         sync_folder(target.parent)
 

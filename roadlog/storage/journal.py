@@ -27,9 +27,11 @@ from roadlog.storage.records import Damage
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-MAGIC = b"roadlog undo 2\n"
-_HEAD = struct.Struct("<QQI32s")  # place of change, old size, CRC of the old end, fingerprint
+MAGIC = b"roadlog undo 3\n"
+# place of change, old size, CRC of the old end, fingerprint, reach of what was written since
+_HEAD = struct.Struct("<QQI32sQ")
 HEAD_SIZE = len(MAGIC) + _HEAD.size
+_REACH = struct.Struct("<Q")
 FINGERPRINT = 1 << 16  # bytes of the beginning, and before the place of change, that tell the log
 
 _said = logging.getLogger("roadlog")
@@ -67,10 +69,14 @@ class Before(Source):
 
 
 class _Journal(NamedTuple):
-    """What a journal says, and the journal itself behind its head."""
+    """What a journal says, and the journal itself behind its head.
+
+    reach: where the log ends by what we wrote; bytes behind it are another program's.
+    """
 
     cut: int
     size: int
+    reach: int
     source: Source
 
     @classmethod
@@ -79,14 +85,14 @@ class _Journal(NamedTuple):
         head = source.read(0, min(HEAD_SIZE, source.size))
         if not head.startswith(MAGIC) or len(head) < HEAD_SIZE:
             raise Damage("it is no journal")
-        cut, size, crc, fingerprint = _HEAD.unpack_from(head, len(MAGIC))
+        cut, size, crc, fingerprint, reach = _HEAD.unpack_from(head, len(MAGIC))
         is_whole = size - cut == source.size - HEAD_SIZE
         if not is_whole or crc_of(source, HEAD_SIZE, source.size) != crc:
             raise Damage("it is not whole")
         is_log = log.size >= cut > len(records.MAGIC) and log.read(0, 8) == records.MAGIC
         if not is_log or _fingerprint(log, cut) != fingerprint:
             raise Damage("it belongs to another log")
-        return cls(cut, size, source)
+        return cls(cut, size, max(size, reach), source)
 
 
 def _fingerprint(source: Source, cut: int) -> bytes:
@@ -107,15 +113,17 @@ def changing(log: Path, source: Source, cut: int) -> Iterator[tuple[Before, IO[b
     try:
         with files.temporary(path.parent, 0o600) as part, _opened(log, source) as handle:
             crc = crc_of(source, cut, source.size)
-            head = _HEAD.pack(cut, source.size, crc, _fingerprint(source, cut))
+            head = _HEAD.pack(cut, source.size, crc, _fingerprint(source, cut), source.size)
             part.file.write(MAGIC + head)
             source.copy_to(part.file, cut, source.size)
             part.sync()
             part.become(path, None)
             kept = Source(path)
-            target = _Guarded(log, handle, source.size)
+            target = _Guarded(log, handle, source.size, part.file.fileno())
             target.seek(cut)
             try:
+                if not os.path.samestat(os.fstat(kept.handle), os.fstat(part.file.fileno())):
+                    raise files.changed(path)
                 with io.BufferedWriter(target, files.BUFFER) as file:
                     yield Before(source, kept, cut), file
                     file.flush()
@@ -124,7 +132,7 @@ def changing(log: Path, source: Source, cut: int) -> Iterator[tuple[Before, IO[b
             except _CutShortError:
                 raise  # the journal holds what is gone
             except BaseException:
-                _put_back(target, _Journal(cut, source.size, kept))
+                _put_back(target, _Journal(cut, source.size, target.end, kept))
                 _remove(path, kept.state)
                 raise
             finally:
@@ -146,11 +154,13 @@ class _CutShortError(LogWriteError):
 class _Guarded(io.RawIOBase):
     """A log that is written to as long as nobody else writes to it.
 
-    end: where the file ends, as far as we know.
+    end: where the file ends, as far as we know. journal: its handle, to note before every write
+    how far we reach: what lies behind that is not ours, also after a kill.
     """
 
-    def __init__(self, path: Path, handle: int, end: int) -> None:
+    def __init__(self, path: Path, handle: int, end: int, journal: int | None = None) -> None:
         self.path, self.handle, self.end, self.at = path, handle, end, 0
+        self.journal = journal
 
     def writable(self) -> bool:
         return True
@@ -167,6 +177,9 @@ class _Guarded(io.RawIOBase):
 
     def write(self, data: ReadableBuffer) -> int:
         self.check()
+        reach = self.at + memoryview(data).nbytes
+        if self.journal is not None and reach > self.end:
+            os.pwrite(self.journal, _REACH.pack(reach), HEAD_SIZE - _REACH.size)
         os.lseek(self.handle, self.at, os.SEEK_SET)
         count = os.write(self.handle, data)
         self.at += count
@@ -227,7 +240,8 @@ def recover(log: Path, *, only_look: bool = False) -> Source:
                 return Before(source, kept, found.cut)
             if found is not None:
                 with _opened(log, source) as handle:
-                    _put_back(_Guarded(log, handle, source.size), found)
+                    ours = min(source.size, found.reach)
+                    _put_back(_Guarded(log, handle, ours), found)
                 _remove(path_of(log), kept.state)
                 _said.warning("%s: a change in place was interrupted; it was put back", log)
         except BaseException:
@@ -286,9 +300,13 @@ def _put_back(target: _Guarded, found: _Journal) -> None:
 
 
 def _remove(path: Path, made: files.State) -> None:
-    """Remove the journal that we made, and no other file of its name."""
+    """Remove the journal that we made, and no other file of its name.
+
+    Its time is not what tells it: it was noted there how far the change reached.
+    """
     with suppress(OSError):
-        if files.state(path) == made:
+        there = files.state(path)
+        if there is not None and there._replace(changed_ns=made.changed_ns) == made:
             path.unlink()
             files.sync_folder(path.parent)
 

@@ -34,8 +34,9 @@ def interrupted(tmp_path: Path) -> tuple[Path, bytes]:
     saved = tmp_path / "saved"
 
     def stopped() -> Iterator:
-        yield result(400)
+        yield result(100_000)
         shutil.copy(log, tmp_path / "half")
+        assert log.stat().st_size > len(before)
         shutil.copy(journal.path_of(log), saved)
         yield result(300, topic="/estimates/a/events")
 
@@ -64,6 +65,15 @@ def test_a_change_that_was_interrupted_is_undone(
     with LogReader(log):
         assert log.read_bytes() == before
     assert "was put back" in caplog.text
+    assert not journal.path_of(log).exists()
+
+
+def test_what_was_appended_after_a_kill_stays(interrupted: tuple[Path, bytes]) -> None:
+    log, before = interrupted
+    appended(log)
+    with LogReader(log) as reader:
+        assert reader.contents.behind
+    assert log.read_bytes() == before + b"MORE DATA OF ANOTHER PROGRAM" * 100
     assert not journal.path_of(log).exists()
 
 
