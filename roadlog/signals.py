@@ -146,6 +146,8 @@ SIGNALS: dict[str, Signal] = {
 INPUTS = tuple(section for section in SECTIONS.values() if section.name != "truth")
 
 ANGLES_SCHEMA = SECTIONS["truth"].schema
+IMU_TOPIC = SECTIONS["imu"].topic
+GNSS_TOPIC = SECTIONS["gnss"].topic
 TRUTH_TOPIC = SECTIONS["truth"].topic
 TRUTH_PREFIX = "/truth/"
 FIX_TOPIC = "/gnss/fix"  # the same fix as foxglove.LocationFix, for maps
@@ -172,6 +174,11 @@ def split_estimate_topic(topic: str) -> tuple[str, str] | None:
         return None
     name, _, detail = topic[len(ESTIMATES_PREFIX) :].partition("/")
     return (name, detail) if name and detail else None
+
+
+def is_truth(topic: str) -> bool:
+    """Whether a topic is truth: the angles, or what is beside them."""
+    return topic.startswith(TRUTH_PREFIX)
 
 
 def truth_topic(detail: str) -> str:

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from support.drives import ROOT
 
+from roadlog import signals
+
 # Lower imports nothing higher, at the top of a module or inside a function. `log` is the door to
 # what is above it in a reader's mind (estimators, ingest, both imported when asked for), so it
 # stands on them.
@@ -136,6 +138,20 @@ def test_only_storage_knows_mcap(name: str) -> None:
             assert (node.module or "").split(".")[0] != "mcap"
         elif isinstance(node, ast.Import):
             assert all(alias.name.split(".")[0] != "mcap" for alias in node.names)
+
+
+TOPICS = {signals.FIX_TOPIC, *(section.topic for section in signals.SECTIONS.values())}
+PREFIXES = tuple(prefix.rstrip("/") for prefix in (signals.TRUTH_PREFIX, signals.ESTIMATES_PREFIX))
+
+
+@pytest.mark.parametrize("name", [n for n in MODULES if n != "signals"])
+def test_only_the_vocabulary_spells_a_topic(name: str) -> None:
+    """Help and messages may."""
+    for node in ast.walk(TREES[name]):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            text = node.value
+            assert text not in TOPICS
+            assert " " in text or not text.startswith(PREFIXES)
 
 
 def test_no_room_is_too_large() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from roadlog.checks.finding import Finding
 from roadlog.geo import LocalPlane
+from roadlog.signals import GNSS_TOPIC
 from roadlog.storage import Table
 from roadlog.types import Floats
 
@@ -18,8 +19,8 @@ AGAINST = -0.7  # correlation of two heights of which one is turned over
 
 
 def fixes(tables: Mapping[str, Table]) -> list[Finding]:
-    """Findings on /gnss."""
-    table = tables.get("/gnss")
+    """Findings on the receiver's fixes."""
+    table = tables.get(GNSS_TOPIC)
     if table is None or len(table) < 10:
         return []
     columns = {n: np.asarray(v, np.float64) for n, v in table.columns.items()}

@@ -11,12 +11,13 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from roadlog.checks.finding import Finding
+from roadlog.checks.values import speed_at
 from roadlog.drive import runs, stale_limit
+from roadlog.signals import AXES, IMU_TOPIC
 from roadlog.storage import Table
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
-AXES = "xyz"
 SLOWEST = 0.25  # s between samples
 GAP, GAPS = 0.2, 0.05  # s without samples that no estimator bridges; share of the log
 SHAKEN = 2.0  # m/s2 from sample to sample; the roughest of the public drives has 0.7
@@ -34,7 +35,7 @@ QUIET = {"accel": 0.5, "gyro": float(np.radians(2.0))}  # sd; somebody moves the
 
 def inertial(tables: Mapping[str, Table]) -> list[Finding]:
     """Findings on the accelerometers and gyros of a log, all in SI units, stamps in order."""
-    table = tables.get("/imu")
+    table = tables.get(IMU_TOPIC)
     if table is None or len(table) < 10:
         return []
     found = list(_slow(table))
@@ -174,16 +175,8 @@ def _drift(tables: Mapping[str, Table], table: Table) -> Iterator[Finding]:
 
 def _stops(tables: Mapping[str, Table], table: Table) -> Iterator[slice]:
     """Rows of the IMU in which the car stands for long."""
-    for topic, field in (("/wheel_speeds", "fl"), ("/speed", "v"), ("/gnss", "speed")):
-        if topic in tables and field in tables[topic].columns:
-            speed = np.abs(np.asarray(tables[topic].columns[field], np.float64))
-            known = np.isfinite(speed)
-            if known.any():
-                shown = np.interp(table.time, tables[topic].time[known], speed[known])
-                break
-    else:
-        return
-    if not (shown > STANDING).any():
+    shown = speed_at(tables, table.time)
+    if shown is None or not (shown > STANDING).any():
         return
     for run in runs(shown <= STANDING):
         seconds = (table.time[run] - table.time[run.start]) * 1e-9

@@ -13,7 +13,7 @@ import numpy as np
 
 from roadlog.checks.finding import Finding, Level
 from roadlog.drive import runs
-from roadlog.signals import SECTIONS, Section
+from roadlog.signals import GNSS_TOPIC, IMU_TOPIC, SECTIONS, SIGNALS, Section
 from roadlog.storage import Table
 from roadlog.types import Bools, Floats, Stamps
 
@@ -74,7 +74,7 @@ def stamps(tables: Mapping[str, Table]) -> list[Finding]:
             )
     spans = {s.topic: (int(t.time.min()), int(t.time.max())) for s, t in inputs(tables)}
     if spans:
-        reference = "/imu" if "/imu" in spans else max(spans, key=lambda k: len(tables[k]))
+        reference = IMU_TOPIC if IMU_TOPIC in spans else max(spans, key=lambda k: len(tables[k]))
         start, end = spans[reference]
         for topic, (first, last) in spans.items():
             apart = max(first - end, start - last) * 1e-9
@@ -200,7 +200,7 @@ def in_degrees(tables: Mapping[str, Table]) -> tuple[frozenset[str], dict[str, T
 
 
 def _late_fix(tables: Mapping[str, Table], clean: Mapping[str, Table]) -> list[Finding]:
-    gnss = clean.get("/gnss")
+    gnss = clean.get(GNSS_TOPIC)
     if gnss is None or not len(gnss):
         return []
     start = min(int(table.time.min()) for _, table in inputs(tables))
@@ -214,7 +214,7 @@ def _late_fix(tables: Mapping[str, Table], clean: Mapping[str, Table]) -> list[F
         first = (int(gnss.time[fixed[0]]) - start) * 1e-9
         if first <= LATE_FIX:
             return []
-        raw = _known_column(tables["/gnss"], field)
+        raw = _known_column(tables[GNSS_TOPIC], field)
         codes = np.empty(0) if raw is None else raw[: fixed[0]][np.isfinite(raw[: fixed[0]])]
         if len(codes):
             advice = (
@@ -302,12 +302,19 @@ def _is_coarse(values: Floats) -> bool:
 
 def _moving(tables: Mapping[str, Table], at: Stamps) -> Bools:
     """Where the car moves; a coarse sensor may well stand still with it. True without a speed."""
-    for topic, field in (("/wheel_speeds", "fl"), ("/speed", "v"), ("/gnss", "speed")):
-        speed = _known_column(tables[topic], field) if topic in tables else None
-        if speed is not None:
+    speed = speed_at(tables, at)
+    return np.ones(len(at), np.bool_) if speed is None else speed > ROLLING
+
+
+def speed_at(tables: Mapping[str, Table], at: Stamps) -> Floats | None:
+    """Size of the first speed that the log has, at any times, m/s; None without one."""
+    for role in ("wheel_speeds.fl", "speed.v", "gnss.speed"):
+        table = tables.get(SECTIONS[role.split(".")[0]].topic)
+        speed = None if table is None else _known_column(table, SIGNALS[role].field)
+        if table is not None and speed is not None:
             known = np.isfinite(speed)
-            return np.interp(at, tables[topic].time[known], np.abs(speed[known])) > ROLLING
-    return np.ones(len(at), np.bool_)
+            return np.interp(at, table.time[known], np.abs(speed[known]))
+    return None
 
 
 def _seconds(tables: Mapping[str, Table], stamp: int) -> float:

@@ -16,6 +16,7 @@ from roadlog.ingest.frame import Frame
 from roadlog.ingest.kinds import Meaning, meanings, values
 from roadlog.ingest.profile import Profile, fitting
 from roadlog.motion.evidence import TRACK_WIDTH, Evidence
+from roadlog.signals import is_truth
 from roadlog.toml import text as toml_text
 from roadlog.types import Floats
 
@@ -92,7 +93,7 @@ def drive_of(taken: Sequence[Meaning], frames: Sequence[Frame]) -> Drive:
     made = Profile.from_toml(toml(taken), NAME)
     located, _ = mapping.locate(made, with_derived(taken, frames))
     signals, _ = mapping.signals(made, located)
-    inputs = [t for t in mapping.tables(signals) if not t.topic.startswith("/truth")]
+    inputs = [t for t in mapping.tables(signals) if not is_truth(t.topic)]
     return Drive.from_tables(inputs)
 
 

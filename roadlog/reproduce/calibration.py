@@ -16,6 +16,7 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimators.base import Estimator
 from roadlog.reproduce import Claim, Reproduction, ResultTable, Row
+from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import Simulation, simulate
 
 SKIP = 5.0  # s, before which filters converge
@@ -88,7 +89,7 @@ def _rmse_deg(
 ) -> dict[str, float]:
     """Angle -> RMSE where the estimate may be used."""
     estimate = estimators.run(estimator.name, drive, car)
-    truth = judged.table("/truth/angles")
+    truth = judged.table(TRUTH_TOPIC)
     result = {}
     for angle, values in estimate.angles.items():
         true = np.interp(drive.time_ns, truth.time, truth.columns[angle])

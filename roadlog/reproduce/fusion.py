@@ -15,7 +15,7 @@ from roadlog.errors import EstimatorError
 from roadlog.estimate import Estimate
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
 from roadlog.reproduce import Claim, Reproduction, ResultTable, Row
-from roadlog.signals import TRUTH_TOPIC
+from roadlog.signals import FIX_TOPIC, GNSS_TOPIC, IMU_TOPIC, SECTIONS, TRUTH_TOPIC
 from roadlog.simulate import SCENARIOS, Simulation, simulate
 from roadlog.simulate.sampling import mounting
 from roadlog.storage import Table
@@ -24,7 +24,8 @@ SEEDS = (1, 2, 3, 4, 5)
 ANGLES = ("grade", "bank", "pitch", "roll")
 ANTENNAS = ("heading", "roll", "heading_accuracy", "roll_accuracy")
 WHEELS = {"alone": "IMU + wheels", "mounted": "IMU + wheels, mounting known"}
-GNSS_TOPICS = ("/gnss", "/gnss/fix")
+WHEELED = (IMU_TOPIC, SECTIONS["wheel_speeds"].topic)
+RECEIVER = (GNSS_TOPIC, FIX_TOPIC)
 SMOOTH_SHAPE, ROUGH_SHAPE = 0.06, 0.15  # deg, std of the error of grade
 WITH_GNSS, BODY, TWO_ANTENNAS = 0.08, 0.08, 0.05  # deg, RMSE
 COVERED = (0.93, 0.98)  # share of errors within 2 sd
@@ -82,8 +83,8 @@ def _case(name: str, seeds: tuple[int, ...]) -> Case:
     misalignment = SCENARIOS[name].sensors.imu.misalignment_deg
     for seed in seeds:
         drive = simulate(name, seed=seed, full=True)
-        wheels = [t for t in drive.tables if t.topic in ("/imu", "/wheel_speeds")]
-        receiver = [t for t in drive.tables if t.topic in GNSS_TOPICS]
+        wheels = [t for t in drive.tables if t.topic in WHEELED]
+        receiver = [t for t in drive.tables if t.topic in RECEIVER]
         mounted = drive.vehicle.mounted(mounting(*np.radians(misalignment)))
         one = wheels + [_one_antenna(table) for table in receiver]
         _run(drive, wheels, drive.vehicle, case.alone)

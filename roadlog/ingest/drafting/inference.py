@@ -19,7 +19,7 @@ from roadlog.ingest.grid import one_grid
 from roadlog.ingest.profile import Profile
 from roadlog.motion import axes
 from roadlog.motion.evidence import Evidence, correlation
-from roadlog.signals import AXES
+from roadlog.signals import AXES, is_truth
 from roadlog.units import STANDARD_GRAVITY, UNITS
 
 STEERING_RATIO = 15.0  # steering wheel / road wheel, of a usual car
@@ -75,7 +75,7 @@ def _drive(draft: Draft) -> Drive | None:
         profile = Profile.from_toml(draft.toml(), "draft")
         located, _ = mapping.locate(profile, draft.frames)
         tables = mapping.tables(one_grid(mapping.signals(profile, located)[0])[0])
-        return Drive.from_tables([t for t in tables if not t.topic.startswith("/truth")])
+        return Drive.from_tables([t for t in tables if not is_truth(t.topic)])
     except RoadlogError as error:
         draft.head.append(f"The data could not be looked at: {error}")
         return None
