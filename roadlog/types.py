@@ -7,3 +7,5 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Stamps = NDArray[np.int64]  # nanoseconds since the epoch
 Flags = NDArray[np.uint32]  # bits of signals.FLAGS
+Record = np.record  # of named numbers, as kernels take them
+Records = np.recarray

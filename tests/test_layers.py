@@ -16,7 +16,18 @@ from roadlog import signals
 # stands on them.
 LAYERS = (
     ("errors", "types", "version", "signals"),
-    ("toml", "units", "columnar", "memory", "files", "extras", "plugins", "csv_text", "processes"),
+    (
+        "toml",
+        "units",
+        "columnar",
+        "memory",
+        "files",
+        "extras",
+        "plugins",
+        "csv_text",
+        "processes",
+        "jit",
+    ),
     ("interrupt",),
     ("config", "spool", "geo", "rotation", "stamps"),
     ("storage",),

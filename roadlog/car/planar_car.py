@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from roadlog.car.vehicle import Vehicle
+from roadlog.jit import compiled
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -51,7 +51,7 @@ def planar_car(vehicle: Vehicle, dt: float, printed: bool = False) -> PlanarCar:
     )
 
 
-@njit(cache=True)
+@compiled
 def resultants(F: Floats, delta: float, car: PlanarCar) -> tuple[float, float, float]:
     """Longitudinal and lateral force in N and yaw moment in N m of the tires on the car.
 

@@ -3,41 +3,78 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from roadlog.jit import compiled
 from roadlog.types import Floats
 
 TAYLOR_ORDER = 8
 MAX_NORM = 0.125  # of the system matrix times the sub-step; Simpson is then right to 2e-8
 
 
-@njit(cache=True)
-def multiply(A: Floats, B: Floats) -> Floats:
-    """A B by plain loops: small matrices compile in a fraction of BLAS's time."""
+@compiled
+def multiply(A: Floats, B: Floats, C: Floats) -> None:
+    """A B into C, by plain loops: small matrices compile in a fraction of BLAS's time."""
     n, m, inner = A.shape[0], B.shape[1], A.shape[1]
-    C = np.zeros((n, m))
     for i in range(n):
+        for j in range(m):
+            C[i, j] = 0.0
         for k in range(inner):
             a = A[i, k]
             if a != 0.0:
                 for j in range(m):
                     C[i, j] += a * B[k, j]
-    return C
 
 
-@njit(cache=True)
-def _exponential(A: Floats, step: float) -> Floats:
-    """exp(A step) by its Taylor series; |A step| must be small."""
+@compiled
+def _exponential(A: Floats, step: float, total: Floats, term: Floats, work: Floats) -> None:
+    """exp(A step) into `total` by its Taylor series; |A step| must be small. Others: scratch."""
     n = len(A)
-    term = np.eye(n)
-    total = np.eye(n)
+    for i in range(n):
+        for j in range(n):
+            term[i, j] = total[i, j] = 1.0 if i == j else 0.0
     for order in range(1, TAYLOR_ORDER + 1):
-        term = multiply(term, A) * (step / order)
-        total += term
-    return total
+        multiply(term, A, work)
+        for i in range(n):
+            for j in range(n):
+                term[i, j] = work[i, j] * (step / order)
+                total[i, j] += term[i, j]
 
 
-@njit(cache=True)
+@compiled
+def _simpson(half: Floats, whole: Floats, Qc: Floats, step: float, Qd: Floats) -> None:
+    """Qd (n, n) over a step, from the transitions over its half and the whole."""
+    n = len(Qd)
+    for i in range(n):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(n):
+                total += 4.0 * half[i, k] * Qc[k] * half[j, k]
+                total += whole[i, k] * Qc[k] * whole[j, k]
+            if i == j:
+                total += Qc[i]
+            Qd[i, j] = Qd[j, i] = total * (step / 6.0)
+
+
+@compiled
+def _doubled(E: Floats, Qd: Floats, work: Floats, turned: Floats) -> None:
+    """E <- E E and Qd <- Qd + Phi Qd Phi', Phi the part of E (n + 1, n + 1) without the input."""
+    n = len(Qd)
+    for i in range(n):
+        for j in range(n):
+            work[i, j] = 0.0
+            for k in range(n):
+                work[i, j] += E[i, k] * Qd[k, j]
+    for i in range(n):
+        for j in range(n):
+            for k in range(n):
+                Qd[i, j] += work[i, k] * E[j, k]
+    multiply(E, E, turned)
+    for i in range(n + 1):
+        for j in range(n + 1):
+            E[i, j] = turned[i, j]
+
+
+@compiled
 def zero_order_hold(F: Floats, G: Floats, Qc: Floats, dt: float) -> tuple[Floats, Floats, Floats]:
     """dx/dt = F x + G u + noise of spectral density diag Qc -> Phi (n, n), Gamma (n,), Qd (n, n).
 
@@ -45,7 +82,9 @@ def zero_order_hold(F: Floats, G: Floats, Qc: Floats, dt: float) -> tuple[Floats
     q times; Qd is Simpson's rule on the sub-step, doubled with Qd <- Qd + Phi Qd Phi'.
     """
     n = len(F)
-    A = np.zeros((n + 1, n + 1))
+    A, half, E = np.zeros((n + 1, n + 1)), np.empty((n + 1, n + 1)), np.empty((n + 1, n + 1))
+    work, other = np.empty((n + 1, n + 1)), np.empty((n + 1, n + 1))
+    Phi, Gamma, Qd = np.empty((n, n)), np.empty(n), np.empty((n, n))
     norm = 0.0
     for i in range(n):
         row = abs(G[i])
@@ -58,22 +97,13 @@ def zero_order_hold(F: Floats, G: Floats, Qc: Floats, dt: float) -> tuple[Floats
     while norm * step > MAX_NORM:
         step *= 0.5
         doublings += 1
-    half = _exponential(A, 0.5 * step)
-    E = multiply(half, half)
-    Phi = E[:n, :n].copy()
-    middle = half[:n, :n].copy()
-    Qd = np.zeros((n, n))
-    for i in range(n):
-        for j in range(i + 1):
-            for k in range(n):
-                Qd[i, j] += 4.0 * middle[i, k] * Qc[k] * middle[j, k]
-                Qd[i, j] += Phi[i, k] * Qc[k] * Phi[j, k]
-            if i == j:
-                Qd[i, i] += Qc[i]
-            Qd[i, j] *= step / 6.0
-            Qd[j, i] = Qd[i, j]
+    _exponential(A, 0.5 * step, half, work, other)
+    multiply(half, half, E)
+    _simpson(half, E, Qc, step, Qd)
     for _ in range(doublings):
-        Qd = Qd + multiply(multiply(Phi, Qd), Phi.T.copy())
-        E = multiply(E, E)
-        Phi = E[:n, :n].copy()
-    return Phi, E[:n, n].copy(), Qd
+        _doubled(E, Qd, work, other)
+    for i in range(n):
+        Gamma[i] = E[i, n]
+        for j in range(n):
+            Phi[i, j] = E[i, j]
+    return Phi, Gamma, Qd

@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from roadlog.filters import Engine
+from roadlog.jit import compiled
 from roadlog.types import Floats
 
 
@@ -49,7 +49,10 @@ def kalman_filter(model: LinearModel, engine: Engine = "compiled") -> Track:
     """Filtered states: each step from all measurements up to it."""
     if engine == "reference":
         return _filter_reference(model)
-    return Track(*_filter(*_arrays(model)))
+    n = len(model.x0)
+    track = Track(np.empty((len(model.z), n)), np.empty((len(model.z), n, n)))
+    _filter(*_arrays(model), track.x, track.P, np.empty((n, n)))
+    return track
 
 
 def rts_smoother(model: LinearModel, filtered: Track, engine: Engine = "compiled") -> Track:
@@ -60,7 +63,8 @@ def rts_smoother(model: LinearModel, filtered: Track, engine: Engine = "compiled
     if engine == "reference":
         return _smooth_reference(model, filtered)
     _, _, F, Q, _, _, u, _ = _arrays(model)
-    _smooth(filtered.x, filtered.P, F, Q, u)
+    n = len(model.x0)
+    _smooth(filtered.x, filtered.P, F, Q, u, np.empty((2, n)), np.empty((4, n, n)))
     return filtered
 
 
@@ -69,38 +73,35 @@ def _arrays(model: LinearModel) -> tuple[Floats, ...]:
     return tuple(np.ascontiguousarray(part, np.float64) for part in parts)
 
 
-@njit(cache=True)
-def predict(x: Floats, P: Floats, F: Floats, u: Floats, Q: Floats) -> tuple[Floats, Floats]:
-    """x <- F x + u, P <- F P F' + Q; returns new arrays, P symmetric."""
-    n = len(x)
-    y = u.copy()
-    FP = np.zeros((n, n))
+@compiled
+def predict_covariance(P: Floats, F: Floats, Q: Floats, FP: Floats, S: Floats) -> None:
+    """S <- F P F' + Q, symmetric, and F P into FP; S may be P."""
+    n = len(P)
     for i in range(n):
         for j in range(n):
-            y[i] += F[i, j] * x[j]
+            FP[i, j] = 0.0
             for k in range(n):
                 FP[i, j] += F[i, k] * P[k, j]
-    S = Q.copy()
     for i in range(n):
         for j in range(i + 1):
+            s = Q[i, j]
             for k in range(n):
-                S[i, j] += FP[i, k] * F[j, k]
-            S[j, i] = S[i, j]
-    return y, S
+                s += FP[i, k] * F[j, k]
+            S[i, j] = S[j, i] = s
 
 
-@njit(cache=True)
-def correct_scalar(x: Floats, P: Floats, residual: float, h: Floats, r: float) -> float:
+@compiled
+def correct_scalar(x: Floats, P: Floats, residual: float, h: Floats, r: float, Ph: Floats) -> None:
     """One scalar measurement in place: residual = z - h(x), h the row of H, r its variance.
 
-    Returns the innovation variance. P stays symmetric; only one triangle is computed.
+    P stays symmetric; only one triangle is computed. Ph (n,): scratch.
     """
     n = len(x)
-    Ph = np.zeros(n)
+    s = r
     for i in range(n):
+        Ph[i] = 0.0
         for j in range(n):
             Ph[i] += P[i, j] * h[j]
-    s = r
     for i in range(n):
         s += h[i] * Ph[i]
     for i in range(n):
@@ -108,116 +109,125 @@ def correct_scalar(x: Floats, P: Floats, residual: float, h: Floats, r: float) -
         for j in range(i + 1):
             P[i, j] -= Ph[i] * Ph[j] / s
             P[j, i] = P[i, j]
-    return s
 
 
-@njit(cache=True)
+@compiled
+def _predict_mean(x: Floats, F: Floats, u: Floats, y: Floats) -> None:
+    """y <- F x + u."""
+    for i in range(len(x)):
+        y[i] = u[i]
+        for j in range(len(x)):
+            y[i] += F[i, j] * x[j]
+
+
+@compiled
 def _filter(
-    x0: Floats, P0: Floats, F: Floats, Q: Floats, H: Floats, R: Floats, u: Floats, z: Floats
-) -> tuple[Floats, Floats]:
-    steps, m = z.shape
+    x0: Floats,
+    P0: Floats,
+    F: Floats,
+    Q: Floats,
+    H: Floats,
+    R: Floats,
+    u: Floats,
+    z: Floats,
+    xs: Floats,
+    Ps: Floats,
+    FP: Floats,
+) -> None:
     n = len(x0)
-    xs = np.empty((steps, n))
-    Ps = np.empty((steps, n, n))
-    x, P = x0.copy(), P0.copy()
-    for k in range(steps):
+    for k in range(len(z)):
+        x, P = xs[k], Ps[k]
         if k > 0:
-            x, P = predict(x, P, F[k % len(F)], u[k], Q[k % len(Q)])
-        for i in range(m):
+            _predict_mean(xs[k - 1], F[k % len(F)], u[k], x)
+            predict_covariance(Ps[k - 1], F[k % len(F)], Q[k % len(Q)], FP, P)
+        else:
+            for i in range(n):
+                x[i] = x0[i]
+                for j in range(n):
+                    P[i, j] = P0[i, j]
+        for i in range(z.shape[1]):
             if np.isfinite(z[k, i]):
                 h = H[k % len(H), i]
                 residual = z[k, i]
                 for j in range(n):
                     residual -= h[j] * x[j]
-                correct_scalar(x, P, residual, h, R[k % len(R), i])
-        xs[k] = x
-        Ps[k] = P
-    return xs, Ps
+                correct_scalar(x, P, residual, h, R[k % len(R), i], FP[0])
 
 
-@njit(cache=True)
-def solve_spd(A: Floats, B: Floats) -> Floats:
-    """A^-1 B for a symmetric positive definite A, factored after scaling to unit diagonal.
+@compiled
+def solve_spd(A: Floats, B: Floats, scale: Floats) -> None:
+    """B <- A^-1 B for a symmetric positive definite A, which is used up. scale (n,): scratch.
 
-    States with units as different as rad and m/s would otherwise cost half the digits.
+    Factored after scaling to unit diagonal: states with units as different as rad and m/s would
+    otherwise cost half the digits.
     """
     n, m = B.shape
-    d = np.empty(n)
     for i in range(n):
-        d[i] = 1.0 / np.sqrt(A[i, i]) if A[i, i] > 0 else 1.0
-    L = np.zeros((n, n))
+        scale[i] = 1.0 / np.sqrt(A[i, i]) if A[i, i] > 0 else 1.0
     for i in range(n):
         for j in range(i + 1):
-            s = A[i, j] * d[i] * d[j]
+            s = A[i, j] * scale[i] * scale[j]
             if i == j:
                 s += 1e-12
             for k in range(j):
-                s -= L[i, k] * L[j, k]
+                s -= A[i, k] * A[j, k]
             if i == j:
-                L[i, i] = np.sqrt(max(s, 1e-15))
+                A[i, i] = np.sqrt(max(s, 1e-15))
             else:
-                L[i, j] = s / L[j, j]
-    X = np.empty((n, m))
+                A[i, j] = s / A[j, j]
     for c in range(m):
         for i in range(n):
-            s = B[i, c] * d[i]
+            s = B[i, c] * scale[i]
             for k in range(i):
-                s -= L[i, k] * X[k, c]
-            X[i, c] = s / L[i, i]
+                s -= A[i, k] * B[k, c]
+            B[i, c] = s / A[i, i]
         for i in range(n - 1, -1, -1):
-            s = X[i, c]
+            s = B[i, c]
             for k in range(i + 1, n):
-                s -= L[k, i] * X[k, c]
-            X[i, c] = s / L[i, i]
+                s -= A[k, i] * B[k, c]
+            B[i, c] = s / A[i, i]
         for i in range(n):
-            X[i, c] *= d[i]
-    return X
+            B[i, c] *= scale[i]
 
 
-@njit(cache=True)
+@compiled
 def smooth_step(
-    x: Floats,
-    P: Floats,
-    F: Floats,
-    x_prior: Floats,
-    P_prior: Floats,
-    x_next: Floats,
-    P_next: Floats,
-) -> tuple[Floats, Floats]:
-    """One RTS step back: filtered (x, P) and the smoothed next state -> smoothed (x, P).
+    x: Floats, P: Floats, x_next: Floats, P_next: Floats, prior: Floats, work: Floats
+) -> None:
+    """One RTS step back: filtered (x, P) and the smoothed next state -> smoothed (x, P), in place.
 
-    x_prior, P_prior: prediction of the next state from (x, P) with transition F.
+    prior (2, n): prediction of the next state from x, then scratch. work (4, n, n): its covariance
+    and F P, as `predict_covariance` gives them, then scratch.
     """
     n = len(x)
-    FP = np.zeros((n, n))
+    x_prior, scale = prior[0], prior[1]
+    P_prior, Ct, D, CD = work[0], work[1], work[2], work[3]
     for i in range(n):
         for j in range(n):
-            for k in range(n):
-                FP[i, j] += F[i, k] * P[k, j]
-    Ct = solve_spd(P_prior, FP)  # C' with C = P F' P_prior^-1
-    y = x.copy()
-    D = P_next - P_prior
-    CD = np.zeros((n, n))
+            D[i, j] = P_next[i, j] - P_prior[i, j]
+    solve_spd(P_prior, Ct, scale)  # C' with C = P F' P_prior^-1
     for i in range(n):
         for j in range(n):
-            y[i] += Ct[j, i] * (x_next[j] - x_prior[j])
+            x[i] += Ct[j, i] * (x_next[j] - x_prior[j])
+            CD[i, j] = 0.0
             for k in range(n):
                 CD[i, j] += Ct[k, i] * D[k, j]
-    S = P.copy()
     for i in range(n):
         for j in range(i + 1):
             for k in range(n):
-                S[i, j] += CD[i, k] * Ct[k, j]
-            S[j, i] = S[i, j]
-    return y, S
+                P[i, j] += CD[i, k] * Ct[k, j]
+            P[j, i] = P[i, j]
 
 
-@njit(cache=True)
-def _smooth(xs: Floats, Ps: Floats, F: Floats, Q: Floats, u: Floats) -> None:
+@compiled
+def _smooth(
+    xs: Floats, Ps: Floats, F: Floats, Q: Floats, u: Floats, prior: Floats, work: Floats
+) -> None:
     for k in range(len(xs) - 2, -1, -1):
         Fk = F[(k + 1) % len(F)]
-        x_prior, P_prior = predict(xs[k], Ps[k], Fk, u[k + 1], Q[(k + 1) % len(Q)])
-        xs[k], Ps[k] = smooth_step(xs[k], Ps[k], Fk, x_prior, P_prior, xs[k + 1], Ps[k + 1])
+        _predict_mean(xs[k], Fk, u[k + 1], prior[0])
+        predict_covariance(Ps[k], Fk, Q[(k + 1) % len(Q)], work[1], work[0])
+        smooth_step(xs[k], Ps[k], xs[k + 1], Ps[k + 1], prior, work)
 
 
 def _filter_reference(model: LinearModel) -> Track:

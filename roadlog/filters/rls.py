@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from roadlog.filters import Engine
+from roadlog.jit import compiled
 from roadlog.types import Bools, Floats
 
 
@@ -47,15 +47,16 @@ def rls(
     return RlsTrack(*_rls(*data, forgetting, p0, trace_max))
 
 
-@njit(cache=True)
+@compiled
 def _rls(
     a1: Floats, a2: Floats, y: Floats, update: Bools, lam: float, p0: float, trace_max: float
 ) -> tuple[Floats, Floats, Floats]:
     n = len(y)
-    xs, p11s, errors = np.empty((n, 2)), np.empty(n), np.full(n, np.nan)
+    xs, p11s, errors = np.empty((n, 2)), np.empty(n), np.empty(n)
     x1 = x2 = p12 = 0.0
     p11 = p22 = p0
     for k in range(n):
+        errors[k] = np.nan
         if update[k]:
             # three scalars: on a full matrix the antisymmetric rounding grows by 1/lambda a step
             u1 = p11 * a1[k] + p12 * a2[k]

@@ -11,18 +11,17 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from roadlog.jit import compiled, reordered
 from roadlog.types import Floats
 
 ALPHA, BETA, KAPPA = 1.0, 2.0, 0.0
 # the center weighs 0 in the mean and 1 - alpha^2 + beta in the covariance, the others 1 / (2 n)
 CENTER_SCALE = np.sqrt(1.0 - ALPHA**2 + BETA)
-REORDER = {"reassoc", "contract"}  # sums may be vectorized; NaN and infinity keep their meaning
 FIRST_REPAIR, REPAIRS = 1e-12, 12  # added to the correlation's diagonal, times 10 each try
 
 
-@njit(cache=True)
+@compiled
 def cholesky(P: Floats, L: Floats) -> bool:
     """Lower factor of P into L, by way of the correlation matrix; True when P was repaired.
 
@@ -60,7 +59,7 @@ def cholesky(P: Floats, L: Floats) -> bool:
     return extra > 0.0
 
 
-@njit(cache=True)
+@compiled
 def sigma_points(x: Floats, P: Floats, X: Floats) -> bool:
     """The 2 n + 1 sigma points of (x, P) into X (2 n + 1, n); True when P was repaired."""
     n = len(x)
@@ -76,7 +75,7 @@ def sigma_points(x: Floats, P: Floats, X: Floats) -> bool:
     return repaired
 
 
-@njit(cache=True, fastmath=REORDER)
+@reordered
 def _dot(a: Floats, b: Floats) -> float:
     s = 0.0
     for i in range(len(a)):
@@ -84,7 +83,7 @@ def _dot(a: Floats, b: Floats) -> float:
     return s
 
 
-@njit(cache=True)
+@compiled
 def mean_and_covariance(X: Floats, Q: Floats, x: Floats, P: Floats) -> None:
     """Mean and covariance of propagated sigma points, with noise diag Q added, into x and P."""
     n = X.shape[1]
@@ -105,15 +104,18 @@ def mean_and_covariance(X: Floats, Q: Floats, x: Floats, P: Floats) -> None:
         P[i, i] += Q[i]
 
 
-@njit(cache=True)
+@compiled
 def correct(x: Floats, P: Floats, X: Floats, Z: Floats, z: Floats, R: Floats) -> None:
     """Correct x and P in place by the measurements z, noise diag R; NaN rows of z are left out.
 
     X (2 n + 1, n): sigma points of (x, P). Z (2 n + 1, m): what each point would measure.
     """
     points, n = X.shape
-    rows = np.flatnonzero(np.isfinite(z))
-    m = len(rows)
+    rows, m = np.empty(len(z), np.int64), 0
+    for i in range(len(z)):
+        if np.isfinite(z[i]):
+            rows[m] = i
+            m += 1
     if m == 0:
         return
     center = CENTER_SCALE * np.sqrt(points - 1.0)
@@ -154,14 +156,14 @@ def correct(x: Floats, P: Floats, X: Floats, Z: Floats, z: Floats, R: Floats) ->
             P[j, i] = P[i, j]
 
 
-@njit(cache=True)
+@compiled
 def keep_upright(x: Floats, P: Floats, i: int, variance: float) -> None:
     """Start an angle anew that bad input drove beyond the vertical, where its sine folds back."""
     if abs(x[i]) > np.pi / 2:
         restart_state(x, P, i, 0.0, variance)
 
 
-@njit(cache=True)
+@compiled
 def restart_state(x: Floats, P: Floats, i: int, value: float, variance: float) -> None:
     """Set one state anew: its value, its variance, and no correlation with the others."""
     for j in range(len(x)):

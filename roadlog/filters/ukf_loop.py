@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numba.extending import overload
 
 from roadlog.filters import Engine
@@ -25,6 +25,7 @@ from roadlog.filters.ukf import (
     restart_state,
     sigma_points,
 )
+from roadlog.jit import compiled
 from roadlog.types import Bools, Floats
 
 
@@ -137,19 +138,21 @@ def _spread_of(model, P, sd):  # type: ignore[no-untyped-def]  # noqa: ARG001
     return own
 
 
-@njit(cache=True)
+@compiled
 def _restart(x: Floats, P: Floats, start: Floats, P0: Floats) -> None:
     for i in range(len(start)):
         restart_state(x, P, i, start[i] if np.isfinite(start[i]) else x[i], P0[i])
 
 
-@njit(cache=True)
+@compiled
 def _compiled(
     model: Any, z: Floats, start: Floats, frozen: Bools, tune: Tuning, angle: int, sd: Floats
 ) -> tuple[Floats, Bools]:
     n, states, points = len(z), len(tune.P0), 2 * len(tune.P0) + 1
     xs, repaired = np.empty((n, states)), np.zeros(n, np.bool_)
-    x, P = np.zeros(states), np.diag(tune.P0)
+    x, P = np.zeros(states), np.zeros((states, states))
+    for i in range(states):
+        P[i, i] = tune.P0[i]
     X, Y = np.empty((points, states)), np.empty((points, states))
     Z = np.empty((points, z.shape[1]))
     _restart(x, P, start[0], tune.P0)
@@ -171,7 +174,8 @@ def _compiled(
             correct(x, P, X, Z, z[k], tune.R)
             if angle >= 0:
                 keep_upright(x, P, angle, tune.P0[angle])
-        xs[k] = x
+        for i in range(states):
+            xs[k, i] = x[i]
         _spread(model, P, sd[k])
     return xs, repaired
 

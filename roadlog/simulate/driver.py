@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from roadlog.jit import compiled
 from roadlog.simulate.car import (
     ALONG,
     ASIDE,
@@ -57,7 +57,7 @@ INTEGRAL, HOLDING, GEAR, NEXT_GEAR, SHIFTING = 0, 1, 2, 3, 4  # m, 0/1, index, i
 MEMORY = 5
 
 
-@njit(cache=True)
+@compiled
 def steer_along(
     state: Floats, driver: DriverParameters, car: CarParameters, road: RoadTables
 ) -> float:
@@ -75,7 +75,7 @@ def steer_along(
     return angle - driver.yaw_damping * (r - u * bend)
 
 
-@njit(cache=True)
+@compiled
 def decide(
     state: Floats,
     memory: Floats,
@@ -128,7 +128,7 @@ def decide(
         command[3] = RATIOS[SECOND]
 
 
-@njit(cache=True)
+@compiled
 def _shift(memory: Floats, v: float, command: Floats) -> None:
     gear = int(memory[GEAR])
     if memory[SHIFTING] <= 0.0:

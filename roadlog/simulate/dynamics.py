@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from roadlog.jit import compiled
 from roadlog.simulate.car import (
     ALONG,
     ANGULAR,
@@ -50,7 +50,7 @@ class Push(NamedTuple):
     yaw: float
 
 
-@njit(cache=True)
+@compiled
 def body(
     state: Floats,
     push: Push,
@@ -100,7 +100,7 @@ def body(
     return drag_x * u + drag_y * v
 
 
-@njit(cache=True)
+@compiled
 def kinematics(state: Floats, axes: BodyAxes, lane: Lane, out: Floats) -> None:
     """Derivatives of position, Euler angles and road coordinates."""
     roll, nose = state[EULER], state[EULER + 1]
@@ -116,7 +116,7 @@ def kinematics(state: Floats, axes: BodyAxes, lane: Lane, out: Floats) -> None:
     out[ASIDE] = -ve * lane.sin + vn * lane.cos
 
 
-@njit(cache=True)
+@compiled
 def stored_in_motion(state: Floats, car: CarParameters) -> float:
     """J, of the body's motion and height."""
     u, v, w = state[VELOCITY], state[VELOCITY + 1], state[VELOCITY + 2]
@@ -129,7 +129,7 @@ def stored_in_motion(state: Floats, car: CarParameters) -> float:
     )
 
 
-@njit(cache=True)
+@compiled
 def normal(state: Floats, road: RoadTables) -> tuple[float, float, float]:
     """East, north, up of the road's normal under the CG."""
     _, slope_e, slope_n = surface(
@@ -139,7 +139,7 @@ def normal(state: Floats, road: RoadTables) -> tuple[float, float, float]:
     return -slope_e * norm, -slope_n * norm, norm
 
 
-@njit(cache=True)
+@compiled
 def derivative(
     state: Floats,
     command: Floats,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from roadlog.jit import compiled
 from roadlog.simulate.road import RoadTables, curvature_at, heading_at
 
 
@@ -32,7 +32,7 @@ class Lane(NamedTuple):
     curvature: float
 
 
-@njit(cache=True)
+@compiled
 def body_axes(roll: float, nose: float, yaw: float) -> BodyAxes:
     """R_z(yaw) R_y(nose) R_x(roll)."""
     cr, sr, cn, sn = np.cos(roll), np.sin(roll), np.cos(nose), np.sin(nose)
@@ -50,7 +50,7 @@ def body_axes(roll: float, nose: float, yaw: float) -> BodyAxes:
     )
 
 
-@njit(cache=True)
+@compiled
 def to_road(axes: BodyAxes, x: float, y: float, z: float) -> tuple[float, float, float]:
     """East, north and up of a vector in body axes."""
     return (
@@ -60,7 +60,7 @@ def to_road(axes: BodyAxes, x: float, y: float, z: float) -> tuple[float, float,
     )
 
 
-@njit(cache=True)
+@compiled
 def to_body(axes: BodyAxes, e: float, n: float, u: float) -> tuple[float, float, float]:
     """Body axes of a vector east, north, up."""
     return (
@@ -70,7 +70,7 @@ def to_body(axes: BodyAxes, e: float, n: float, u: float) -> tuple[float, float,
     )
 
 
-@njit(cache=True)
+@compiled
 def lane_at(road: RoadTables, along: float) -> Lane:
     """The middle line at `along` m."""
     heading = heading_at(road, along)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 
+from roadlog.jit import compiled
 from roadlog.rotation import from_rpy
 from roadlog.signals import WHEELS
 from roadlog.simulate import car as c
@@ -123,7 +123,14 @@ def first_state(
     return state
 
 
-@njit(cache=True)
+@compiled
+def _moved(state: Floats, step: float, slope: Floats, ahead: Floats) -> None:
+    """state + step slope into `ahead`."""
+    for j in range(len(state)):
+        ahead[j] = state[j] + step * slope[j]
+
+
+@compiled
 def integrate(
     state: Floats,
     v_ref: Floats,
@@ -148,12 +155,8 @@ def integrate(
     command = np.zeros(4)
     extras = np.zeros(c.EXTRAS + 2)
     scratch = np.zeros(c.EXTRAS + 2)
-    k1, k2, k3, k4 = (
-        np.zeros(c.STATES),
-        np.zeros(c.STATES),
-        np.zeros(c.STATES),
-        np.zeros(c.STATES),
-    )
+    k1, k2, ahead = np.zeros(c.STATES), np.zeros(c.STATES), np.zeros(c.STATES)
+    k3, k4 = np.zeros(c.STATES), np.zeros(c.STATES)
     row = 0
     for k in range(decisions + 1):
         if k < len(v_ref):
@@ -174,9 +177,12 @@ def integrate(
             if k == decisions:
                 return history
             scratch[c.EXTRAS] = extras[c.EXTRAS]
-            derivative(state + 0.5 * dt * k1, command, gust, car, geometry, road, k2, scratch)
-            derivative(state + 0.5 * dt * k2, command, gust, car, geometry, road, k3, scratch)
-            derivative(state + dt * k3, command, gust, car, geometry, road, k4, scratch)
+            _moved(state, 0.5 * dt, k1, ahead)
+            derivative(ahead, command, gust, car, geometry, road, k2, scratch)
+            _moved(state, 0.5 * dt, k2, ahead)
+            derivative(ahead, command, gust, car, geometry, road, k3, scratch)
+            _moved(state, dt, k3, ahead)
+            derivative(ahead, command, gust, car, geometry, road, k4, scratch)
             for j in range(c.STATES):
                 state[j] += dt / 6 * (k1[j] + 2 * k2[j] + 2 * k3[j] + k4[j])
             extras[c.EXTRAS] = extras[c.EXTRAS + 1]

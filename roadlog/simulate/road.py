@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from roadlog.jit import compiled
 from roadlog.simulate.profiles import sampled
 from roadlog.simulate.scenario import RoadShape
 from roadlog.types import Floats
@@ -115,7 +115,7 @@ def slalom_curvature(s: Floats, start: float, wavelength: float, amplitude: floa
     return np.interp(s, arc, bend)
 
 
-@njit(cache=True)
+@compiled
 def roughness(count: int, g_d: float, phases: Floats, jitter: Floats) -> Floats:
     """m, ISO 8608 profile of `count` points: cosines of amplitude sqrt(2 G_d (n/n0)^-2 dn).
 
@@ -138,7 +138,7 @@ def roughness(count: int, g_d: float, phases: Floats, jitter: Floats) -> Floats:
     return result
 
 
-@njit(cache=True, inline="always")
+@compiled
 def _cell(s: float, step: float, count: int) -> tuple[int, float]:
     """Index of the cell that holds s, and the distance into it; the ends go on."""
     k = int(s / step)
@@ -146,14 +146,14 @@ def _cell(s: float, step: float, count: int) -> tuple[int, float]:
     return k, s - k * step
 
 
-@njit(cache=True)
+@compiled
 def curvature_at(road: RoadTables, s: float) -> float:
     """1/m."""
     k, x = _cell(s, road.step, len(road.curvature))
     return road.curvature[k] + (road.curvature[k + 1] - road.curvature[k]) * x / road.step
 
 
-@njit(cache=True)
+@compiled
 def heading_at(road: RoadTables, s: float) -> float:
     """rad, the integral of the curvature between the points too."""
     k, x = _cell(s, road.step, len(road.curvature))
@@ -161,14 +161,14 @@ def heading_at(road: RoadTables, s: float) -> float:
     return road.heading[k] + road.curvature[k] * x + 0.5 * slope * x * x
 
 
-@njit(cache=True)
+@compiled
 def slope_at(road: RoadTables, s: float) -> float:
     """Tangent of the grade of the middle line."""
     k, x = _cell(s, road.step, len(road.grade))
     return road.grade[k] + (road.grade[k + 1] - road.grade[k]) * x / road.step
 
 
-@njit(cache=True)
+@compiled
 def surface(road: RoadTables, s: float, n: float, x: float, y: float) -> tuple[float, float, float]:
     """Height in m and its derivatives to east and north, without roughness."""
     k, ds = _cell(s, road.step, len(road.grade))
@@ -195,7 +195,7 @@ def surface(road: RoadTables, s: float, n: float, x: float, y: float) -> tuple[f
     return height, east, north
 
 
-@njit(cache=True)
+@compiled
 def roughness_at(road: RoadTables, s: float, is_left: bool) -> float:
     """m, under a wheel of one track."""
     table = road.left if is_left else road.right
@@ -204,7 +204,7 @@ def roughness_at(road: RoadTables, s: float, is_left: bool) -> float:
     return table[k] + (table[k + 1] - table[k]) * share
 
 
-@njit(cache=True)
+@compiled
 def friction_at(road: RoadTables, s: float) -> float:
     """Share of dry grip."""
     k, x = _cell(s, road.step, len(road.friction))

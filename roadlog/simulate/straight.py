@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from roadlog.jit import compiled
 from roadlog.simulate.motion import Motion
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
@@ -105,7 +105,7 @@ def drive_straight(model: PitchModel, time: Floats, v: Floats, grade: Floats) ->
     )
 
 
-@njit(cache=True)
+@compiled
 def _oscillator(
     target: Floats, omega: float, damping: float, dt: float, substeps: int
 ) -> tuple[Floats, Floats, Floats]:

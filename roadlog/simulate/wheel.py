@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from roadlog.jit import compiled
 from roadlog.simulate.car import (
     ALONG,
     ASIDE,
@@ -41,7 +41,7 @@ SLIP_DAMPING = 0.02  # s/m
 MAX_CREEP = 5.0  # rad/s; a sliding brake winds up within a step, however fast
 
 
-@njit(cache=True)
+@compiled
 def tire(kappa: float, tan_alpha: float, load: float, grip: float) -> tuple[float, float]:
     """Longitudinal and lateral force in N; combined slip by weighting functions."""
     if load <= 0.0:
@@ -90,7 +90,7 @@ class Tread(NamedTuple):
     aside: float  # and along l
 
 
-@njit(cache=True)
+@compiled
 def contact(
     i: int,
     state: Floats,
@@ -138,7 +138,7 @@ def contact(
     )
 
 
-@njit(cache=True)
+@compiled
 def steered(i: int, steer: float, y: float, front_side: float, car: CarParameters) -> float:
     """rad, angle of wheel i: Ackermann, compliance under the axle's lateral force, toe."""
     if i >= 2:
@@ -153,7 +153,7 @@ def steered(i: int, steer: float, y: float, front_side: float, car: CarParameter
     )
 
 
-@njit(cache=True)
+@compiled
 def tread(angle: float, axes: BodyAxes, at: Contact) -> Tread:
     """Axes and sliding of a tire that is steered by `angle` rad, in the road's plane."""
     ca, sa = np.cos(angle), np.sin(angle)
@@ -172,7 +172,7 @@ def tread(angle: float, axes: BodyAxes, at: Contact) -> Tread:
     return Tread(te, tn, tu, le, ln, lu, along, aside)
 
 
-@njit(cache=True)
+@compiled
 def wheel(
     i: int,
     state: Floats,
@@ -215,7 +215,7 @@ def wheel(
     return fx, fy, energy, power - car.tire_damping * at.approach**2
 
 
-@njit(cache=True)
+@compiled
 def strut(
     i: int, state: Floats, bx: float, by: float, car: CarParameters, geometry: Floats
 ) -> tuple[float, float, float, float]:

@@ -11,10 +11,11 @@ from roadlog.estimators.fusion.mounting import mounting_prior
 from roadlog.estimators.fusion.noise import Noise, noise_of
 from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.priors import priors
-from roadlog.estimators.fusion.rows import row
-from roadlog.estimators.fusion.states import FIRST_FIX, ROWS, N, Row, State
-from roadlog.estimators.fusion.steps import Steps
-from roadlog.types import Floats
+from roadlog.estimators.fusion.rauch_tung_striebel import transition
+from roadlog.estimators.fusion.rows import is_there, row
+from roadlog.estimators.fusion.states import DRIVEN, DRIVERS, FIRST_FIX, ROWS, N, Row, State
+from roadlog.estimators.fusion.steps import Steps, table
+from roadlog.types import Floats, Record
 
 K = 500  # a step at which every row of the road is used
 STEP = 1e-6
@@ -39,14 +40,21 @@ def inputs(hill_drive: Drive) -> tuple[Steps, Noise, Floats]:
     return steps, noise, x
 
 
+def at(k: int, steps: Steps, noise: Noise) -> Record:
+    """Step k as the kernels see it."""
+    return table(steps, k, k + 1, noise.every)[1]
+
+
 def test_transition_is_the_jacobian_of_the_process(inputs: tuple[Steps, Noise, Floats]) -> None:
-    _, noise, x = inputs
+    steps, noise, x = inputs
     f, w, dt = np.array([1.0, -2.0, 9.6]), np.array([0.1, -0.2, 0.3]), 1e-3
-    F = np.empty((N, N))
-    model.transition(x, w, dt, noise, False, F)
+    steps.rate[K] = w
+    A = np.zeros((len(DRIVEN), DRIVERS))
+    model.coupling(x, at(K, steps._replace(dt=dt), noise), A)
+    F = transition(A, noise.record(dt))
 
     def rate(y: Floats) -> Floats:
-        dx = np.empty(N)
+        dx = np.zeros(N)
         model.derivative(y, f, w, dx)
         return dx
 
@@ -84,13 +92,13 @@ def test_rows_are_the_jacobians_of_their_residuals(
     steps, noise, x = inputs
     steps.still[K] = Row.STILL_U <= kind < FIRST_FIX
     h, unused = np.empty(N), np.empty(N)
-    residual, sd, _ = row(kind, K, x, steps, noise, h)
-    assert np.isfinite(residual)
+    s, of_drive = at(K, steps, noise), noise.record(steps.dt)
+    assert is_there(kind, s)
+    _, sd, _ = row(kind, x, s, of_drive, h)
     assert sd > 0
     expected = np.array(
         [
-            row(kind, K, x - e, steps, noise, unused)[0]
-            - row(kind, K, x + e, steps, noise, unused)[0]
+            row(kind, x - e, s, of_drive, unused)[0] - row(kind, x + e, s, of_drive, unused)[0]
             for e in STEP * np.eye(N)
         ]
     ) / (2 * STEP)
@@ -105,8 +113,9 @@ def test_rows_are_the_jacobians_of_their_residuals(
 
 
 def test_a_row_without_a_sample_is_no_row(inputs: tuple[Steps, Noise, Floats]) -> None:
-    steps, noise, x = inputs
-    h = np.empty(N)
+    steps, noise, _ = inputs
+    assert is_there(Row.SPEED, at(K, steps, noise))
     steps.speed[K] = np.nan
-    assert np.isnan(row(Row.SPEED, K, x, steps, noise, h)[0])
-    assert np.isnan(row(Row.SLIP, K + 1, x, steps, noise, h)[0])  # every 0.1 s only
+    assert not is_there(Row.SPEED, at(K, steps, noise))
+    assert is_there(Row.SLIP, at(K, steps, noise))
+    assert not is_there(Row.SLIP, at(K + 1, steps, noise))  # every 0.1 s only

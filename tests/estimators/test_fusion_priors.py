@@ -12,16 +12,15 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimators.fusion.body import body_pitch, body_roll
 from roadlog.estimators.fusion.inputs import Inputs
-from roadlog.estimators.fusion.model import process_noise, propagate, transition
 from roadlog.estimators.fusion.mounting import mounting_prior
 from roadlog.estimators.fusion.noise import noise_of
 from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.priors import priors
-from roadlog.estimators.fusion.rauch_tung_striebel import noise_matrix
-from roadlog.estimators.fusion.recursion import soft_variance
-from roadlog.estimators.fusion.rows import row
-from roadlog.estimators.fusion.states import ROWS, N, State
-from roadlog.estimators.fusion.steps import Sway, grid
+from roadlog.estimators.fusion.rauch_tung_striebel import noise_matrix, transition
+from roadlog.estimators.fusion.recursion import prediction, soft_variance
+from roadlog.estimators.fusion.rows import is_there, row
+from roadlog.estimators.fusion.states import DRIVEN, DRIVERS, ROWS, N, State
+from roadlog.estimators.fusion.steps import Sway, grid, table
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import Simulation
 from roadlog.types import Floats
@@ -61,24 +60,23 @@ def walked(
     mean, P0 = priors(inputs)
     x, P = np.append(steps.starts[0] + mean, 0.0), np.zeros((N + 1, N + 1))
     P[:N, :N], P[N, N] = P0, np.radians(10.0) ** 2
-    F, q, h = np.eye(N + 1), np.zeros(N + 1), np.zeros(N)
+    records, of_drive = table(steps, 0, len(steps.speed), noise.every), noise.record(steps.dt)
+    A, F, q = np.zeros((len(DRIVEN), DRIVERS)), np.eye(N + 1), np.zeros(N + 1)
+    y, d, h = np.empty(N), np.empty(N), np.zeros(N)
     passed = []
     for k in range(len(steps.speed)):
         if k:
-            force, rate, s = steps.force[k - 1], steps.rate[k - 1], steps.sway[k - 1]
-            jacobian = np.zeros((N, N))
-            transition(x[:N], rate, steps.dt, noise, False, jacobian)
-            process_noise(x[:N], force, rate, s, steps.dt, noise, q)
+            prediction(x[:N], x[:N], records[k], of_drive, A, q, y, d)
             F = np.eye(N + 1)
-            F[:N, :N] = jacobian
-            x = np.append(propagate(x[:N], force, rate, steps.dt, noise, False), x[N])
+            F[:N, :N] = transition(A, of_drive)
+            x = np.append(y, x[N])
             P = F @ P @ F.T
             P[:N, :N] += noise_matrix(q)
             P[N, N] += walk**2 * steps.dt
         before = x, P
         for kind in range(ROWS):
-            residual, sd, gate = row(kind, k, x[:N], steps, noise, h)
-            if np.isfinite(residual):
+            if is_there(kind, records[k + 1]):
+                residual, sd, gate = row(kind, x[:N], records[k + 1], of_drive, h)
                 x, P = updated(x, P, residual, np.append(h, 0.0), sd, gate)
         expected, of_road = road(angle, x[:N], steps.sway[k])
         of_road[N] = -1.0

@@ -11,10 +11,12 @@ from roadlog.estimators.fusion.mounting import mounting_prior
 from roadlog.estimators.fusion.noise import Noise, noise_of
 from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.priors import priors
+from roadlog.estimators.fusion.rauch_tung_striebel import transition
 from roadlog.estimators.fusion.recursion import prediction, residual_row
+from roadlog.estimators.fusion.rows import is_there
 from roadlog.estimators.fusion.smoother import smooth
-from roadlog.estimators.fusion.states import ROWS, W_THETA, N, State
-from roadlog.estimators.fusion.steps import Fix, Steps
+from roadlog.estimators.fusion.states import DRIVEN, DRIVERS, ROWS, W_THETA, N, State
+from roadlog.estimators.fusion.steps import Fix, Steps, table
 from roadlog.types import Floats
 
 LENGTH = 2 * PIECE + 44  # steps; no multiple of the checkpoints
@@ -105,17 +107,22 @@ def test_equals_the_dense_batch_solution(problem: tuple[Steps, Noise, Floats]) -
     mean, spread = steps.starts[0].copy(), np.zeros((N, N * (n + 1)))
     spread[:, :N] = np.sqrt(P0)
     means, maps, rows, residuals, sds = [], [], [], [], []
-    F, q, h = np.empty((N, N)), np.empty(N + 1), np.empty(N)
+    records, of_drive = table(steps, 0, n, noise.every), noise.record(steps.dt)
+    A, q = np.zeros((len(DRIVEN), DRIVERS)), np.empty(N + 1)
+    y, d, h = np.empty(N), np.empty(N), np.empty(N)
     for k in range(n):
         if k > 0:
-            mean = prediction(k - 1, mean, steps, noise, at, F, q)
-            spread = F @ spread
+            prediction(mean, at[k - 1], records[k], of_drive, A, q, y, d)
+            if steps.clone[k]:
+                y[State.KEPT_ALTITUDE] = mean[State.ALTITUDE]
+            mean = y.copy()
+            spread = transition(A, of_drive, steps.clone[k]) @ spread
             spread[:, N * k : N * (k + 1)] += noise_root(q)
         means.append(mean)
         maps.append(spread.copy())
         for kind in range(ROWS):
-            residual, sd, _ = residual_row(kind, k, mean, steps, noise, at, h)
-            if np.isfinite(residual):
+            if is_there(kind, records[k + 1]):
+                residual, sd, _ = residual_row(kind, mean, at[k], records[k + 1], of_drive, h)
                 rows.append(h @ spread)
                 residuals.append(residual)
                 sds.append(sd)

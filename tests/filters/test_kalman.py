@@ -73,7 +73,9 @@ def test_solve_spd_survives_mixed_units() -> None:
     root = rng.normal(size=(3, 3))
     A = scale @ (root @ root.T + np.eye(3)) @ scale
     wanted = np.linalg.inv(scale) @ rng.normal(size=(3, 2))
-    np.testing.assert_allclose(solve_spd(A, A @ wanted), wanted, rtol=1e-9)
+    found = A @ wanted
+    solve_spd(A, found, np.empty(3))
+    np.testing.assert_allclose(found, wanted, rtol=1e-9)
 
 
 @pytest.mark.parametrize(("rate", "limit"), [(1000.0, 1e-5), (100.0, 1e-3)])

@@ -10,27 +10,26 @@ Source: docs/methods/fusion.md#body-angles.
 
 from __future__ import annotations
 
-from numba import njit
-
 from roadlog.estimators.fusion.states import State
 from roadlog.estimators.fusion.steps import Sway
+from roadlog.jit import compiled
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
 
-@njit(cache=True)
+@compiled
 def forward_force(x: Floats, s: Floats) -> float:
     """m/s2, longitudinal specific force that pitches the body."""
     return s[Sway.FORWARD] - x[State.ACCEL_BIAS_X] - G * x[State.MOUNTING_PITCH]
 
 
-@njit(cache=True)
+@compiled
 def lateral_force(x: Floats, s: Floats) -> float:
     """m/s2, lateral specific force that rolls the body."""
     return s[Sway.LATERAL] - x[State.ACCEL_BIAS_Y] - G * x[State.MOUNTING_ROLL]
 
 
-@njit(cache=True)
+@compiled
 def body_pitch(x: Floats, s: Floats) -> float:
     """rad, pitch of the body against the road, nose up."""
     return (
@@ -41,13 +40,13 @@ def body_pitch(x: Floats, s: Floats) -> float:
     )
 
 
-@njit(cache=True)
+@compiled
 def body_roll(x: Floats, s: Floats) -> float:
     """rad, roll of the body against the road."""
     return x[State.ROLL_GRADIENT] * lateral_force(x, s) + s[Sway.ROLL_INERTIA] + x[State.BODY_ROLL]
 
 
-@njit(cache=True)
+@compiled
 def body_pitch_row(gradient: float, force: float, s: Floats, h: Floats) -> None:
     """Derivatives of `body_pitch` into h (29,), at a gradient in rad/(m/s2) and a force in m/s2."""
     h[State.PITCH_GRADIENT], h[State.PITCH_GRADIENT_SIDE] = force, s[Sway.FORWARD_MAGNITUDE]
@@ -55,7 +54,7 @@ def body_pitch_row(gradient: float, force: float, s: Floats, h: Floats) -> None:
     h[State.BODY_PITCH] = 1.0
 
 
-@njit(cache=True)
+@compiled
 def body_roll_row(gradient: float, force: float, h: Floats) -> None:
     """Derivatives of `body_roll` into h (29,), likewise."""
     h[State.ROLL_GRADIENT] = force

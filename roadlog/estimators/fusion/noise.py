@@ -15,7 +15,7 @@ from roadlog.estimators.fusion.inputs import Inputs
 from roadlog.estimators.fusion.states import ROWS
 from roadlog.estimators.fusion.steps import RATE, Steps
 from roadlog.motion.imu_noise import ImuNoise
-from roadlog.types import Floats
+from roadlog.types import Floats, Record
 from roadlog.units import DEG
 
 # Process, per root second where nothing else is said.
@@ -86,6 +86,16 @@ class Noise(NamedTuple):
     gate: float  # sd, beyond which a residual loses weight
     still_gate: float  # sd, of the standing gyro
     scale: Floats  # (ROWS,) by which the sd of each row is larger than said above
+
+    def record(self, dt: float) -> Record:
+        """The same as the kernels see it, and what a step of dt s leaves of each DECAYING state."""
+        times = (self.body_time, self.body_time, self.altimeter_time, self.barometer_time)
+        numbers = {**self._asdict(), "decay": np.exp(-dt / np.array(times))}
+        kinds = [(name, np.float64, np.shape(value)) for name, value in numbers.items()]
+        record = np.recarray(1, np.dtype(kinds))
+        for name, value in numbers.items():
+            record[name] = value
+        return record[0]
 
 
 def noise_of(inputs: Inputs) -> Noise:

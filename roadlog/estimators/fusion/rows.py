@@ -9,101 +9,100 @@ from __future__ import annotations
 from math import cos, sin, sqrt
 
 import numpy as np
-from numba import njit
 
 from roadlog.estimators.fusion.body import body_pitch, body_pitch_row, body_roll, forward_force
 from roadlog.estimators.fusion.model import rates, tilt
-from roadlog.estimators.fusion.noise import Noise
-from roadlog.estimators.fusion.states import FIRST_FIX, Row
+from roadlog.estimators.fusion.states import FIRST_FIX, N, Row
 from roadlog.estimators.fusion.states import State as S
-from roadlog.estimators.fusion.steps import Fix, Steps, Sway
-from roadlog.types import Floats
+from roadlog.estimators.fusion.steps import Fix, Sway
+from roadlog.jit import compiled
+from roadlog.types import Floats, Record
 from roadlog.units import STANDARD_GRAVITY as G
 
 
-@njit(cache=True)
-def row(
-    kind: int, k: int, x: Floats, steps: Steps, noise: Noise, h: Floats
-) -> tuple[float, float, float]:
-    """One measurement row at step k, linearized at x.
+@compiled
+def is_there(kind: int, s: Record) -> bool:
+    """Whether there is such a measurement at this step."""
+    if kind == Row.SPEED:
+        return np.isfinite(s.speed)
+    if kind >= FIRST_FIX:
+        return np.isfinite(s.fixes[kind - FIRST_FIX])
+    return s.due and s.still == (kind >= Row.STILL_U)
+
+
+@compiled
+def row(kind: int, x: Floats, s: Record, noise: Record, h: Floats) -> tuple[float, float, float]:
+    """One measurement row that is there at a step, linearized at x.
 
     Writes the row of the measurement matrix into h (29,). Returns residual z - h(x), its sd and the
-    gate in sd (0: no gate); the residual is NaN where there is no such measurement at this step.
+    gate in sd (0: no gate).
     """
-    nothing = (np.nan, 1.0, 0.0)
+    for i in range(N):
+        h[i] = 0.0
+    scale = noise.scale[kind]
     if kind == Row.SPEED:
-        if not np.isfinite(steps.speed[k]):
-            return nothing
-        h[:] = 0.0
-        return steps.speed[k] - _speed(x, steps, k, h), steps.speed_sd[k], noise.gate
+        return s.speed - _speed(x, s, h), s.speed_sd * scale, noise.gate
     if kind >= FIRST_FIX:
         column = kind - FIRST_FIX
-        z = steps.fixes[k, column]
-        if not np.isfinite(z):
-            return nothing
-        h[:] = 0.0
-        residual = z - _fix(column, x, steps.rate_at[k], steps.antenna, h)
+        residual = s.fixes[column] - _fix(column, x, s, h)
         if column == Fix.HEADING:
             residual = (residual + np.pi) % (2 * np.pi) - np.pi
-        return residual, steps.fixes_sd[k, column], noise.gate
-    if k % noise.every != 0 or steps.still[k] == (kind < Row.STILL_U):
-        return nothing
-    w, s = steps.rate_at[k], steps.sway[k]
-    h[:] = 0.0
+        return residual, s.fixes_sd[column] * scale, noise.gate
     if kind == Row.SLIP:
         sd = sqrt(
             noise.slip_sd**2
-            + (noise.slip_gain * s[Sway.TIRE] * x[S.U]) ** 2
-            + (noise.slip_yaw * (w[2] - x[S.GYRO_BIAS_Z])) ** 2
+            + (noise.slip_gain * s.sway[Sway.TIRE] * x[S.U]) ** 2
+            + (noise.slip_yaw * (s.rate_at[2] - x[S.GYRO_BIAS_Z])) ** 2
         )
-        return -_slip(x, w, s, h), sd, noise.gate
+        return -_slip(x, s, h), sd * scale, noise.gate
     if kind == Row.CONTACT:
-        return -_contact(x, s, h), noise.contact_sd, noise.gate
+        return -_contact(x, s.sway, h), noise.contact_sd * scale, noise.gate
     if kind < Row.STILL_GYRO_X:
         axis = kind - Row.STILL_U
         h[S.U + axis] = 1.0
-        return -x[S.U + axis], noise.still_sd, 0.0
+        return -x[S.U + axis], noise.still_sd * scale, 0.0
     axis = kind - Row.STILL_GYRO_X
     h[S.GYRO_BIAS_X + axis] = 1.0
-    return w[axis] - x[S.GYRO_BIAS_X + axis], noise.still_gyro_sd, noise.still_gate
+    residual = s.rate_at[axis] - x[S.GYRO_BIAS_X + axis]
+    return residual, noise.still_gyro_sd * scale, noise.still_gate
 
 
-@njit(cache=True)
-def _speed(x: Floats, steps: Steps, k: int, h: Floats) -> float:
+@compiled
+def _speed(x: Floats, s: Record, h: Floats) -> float:
     """m/s, of the speed channel: forward speed of the wheel along the road, late by the delay.
 
     No derivative to the body pitch, the mounting yaw, v and w: the second-order term would let a
     misfit of the speed turn the mounting (6 to 10 deg on one car).
     """
-    _, q, r = rates(x, steps.rate_at[k])
-    pitch = x[S.MOUNTING_PITCH] + body_pitch(x, steps.sway[k])
+    _, q, r = rates(x, s.rate_at)
+    pitch = x[S.MOUNTING_PITCH] + body_pitch(x, s.sway)
     offset, delay, scale = x[S.SPEED_OFFSET_Y], x[S.SPEED_DELAY], 1.0 + x[S.SPEED_SCALE]
-    change = steps.force_at[k, 0] - x[S.ACCEL_BIAS_X] - G * sin(x[S.THETA]) + r * x[S.V]
+    change = s.force_at[0] - x[S.ACCEL_BIAS_X] - G * sin(x[S.THETA]) + r * x[S.V]
     wheel = x[S.U] - pitch * x[S.W] - x[S.MOUNTING_YAW] * x[S.V]
-    wheel += -r * offset - q * steps.height - delay * change
+    wheel += -r * offset - q * s.height - delay * change
     h[S.U], h[S.SPEED_SCALE] = scale, wheel
     h[S.SPEED_DELAY], h[S.SPEED_OFFSET_Y] = -scale * change, -scale * r
     h[S.THETA], h[S.ACCEL_BIAS_X] = scale * delay * G * cos(x[S.THETA]), scale * delay
-    h[S.GYRO_BIAS_Y], h[S.GYRO_BIAS_Z] = scale * steps.height, scale * (offset + delay * x[S.V])
+    h[S.GYRO_BIAS_Y], h[S.GYRO_BIAS_Z] = scale * s.height, scale * (offset + delay * x[S.V])
     return scale * wheel
 
 
-@njit(cache=True)
-def _slip(x: Floats, w: Floats, s: Floats, h: Floats) -> float:
+@compiled
+def _slip(x: Floats, s: Record, h: Floats) -> float:
     """m/s, sideways velocity of the rear axle beyond that of a linear tire: 0.
 
     No derivative to the body roll, whose lever w is noise.
     """
-    r = w[2] - x[S.GYRO_BIAS_Z]
-    roll = x[S.MOUNTING_ROLL] + body_roll(x, s)
-    angle = x[S.MOUNTING_YAW] + x[S.SLIP_GRADIENT] * s[Sway.TIRE]
+    r = s.rate_at[2] - x[S.GYRO_BIAS_Z]
+    roll = x[S.MOUNTING_ROLL] + body_roll(x, s.sway)
+    angle = x[S.MOUNTING_YAW] + x[S.SLIP_GRADIENT] * s.sway[Sway.TIRE]
     h[S.V], h[S.W], h[S.U] = 1.0, -roll, angle
     h[S.GYRO_BIAS_Z], h[S.REAR_AXLE_X] = -x[S.REAR_AXLE_X], r
-    h[S.MOUNTING_YAW], h[S.SLIP_GRADIENT] = x[S.U], s[Sway.TIRE] * x[S.U]
+    h[S.MOUNTING_YAW], h[S.SLIP_GRADIENT] = x[S.U], s.sway[Sway.TIRE] * x[S.U]
     return x[S.V] + r * x[S.REAR_AXLE_X] - roll * x[S.W] + angle * x[S.U]
 
 
-@njit(cache=True)
+@compiled
 def _contact(x: Floats, s: Floats, h: Floats) -> float:
     """m/s, velocity of the car out of the road: 0.
 
@@ -114,13 +113,14 @@ def _contact(x: Floats, s: Floats, h: Floats) -> float:
     roll = x[S.MOUNTING_ROLL] + body_roll(x, s)
     body_pitch_row(x[S.PITCH_GRADIENT], forward_force(x, s), s, h)
     h[S.MOUNTING_PITCH] += 1.0
-    h *= x[S.U]
+    for i in range(N):
+        h[i] *= x[S.U]
     h[S.W], h[S.V], h[S.U] = 1.0, roll, pitch
     return x[S.W] + roll * x[S.V] + pitch * x[S.U]
 
 
-@njit(cache=True)
-def _fix(column: int, x: Floats, w: Floats, arm: Floats, h: Floats) -> float:
+@compiled
+def _fix(column: int, x: Floats, s: Record, h: Floats) -> float:
     """What a receiver or a barometer shows: antenna velocity, altitude, angles of two antennas."""
     if column == Fix.ALTITUDE:
         h[S.ALTITUDE] = h[S.RECEIVER_ERROR] = 1.0
@@ -137,10 +137,10 @@ def _fix(column: int, x: Floats, w: Floats, arm: Floats, h: Floats) -> float:
     if column == Fix.ROLL:
         h[S.PHI], h[S.MOUNTING_ROLL] = 1.0, -1.0
         return x[S.PHI] - x[S.MOUNTING_ROLL]
-    return _antenna_velocity(column, x, w, arm, h)
+    return _antenna_velocity(column, x, s.rate_at, s.antenna, h)
 
 
-@njit(cache=True)
+@compiled
 def _antenna_velocity(column: int, x: Floats, w: Floats, arm: Floats, h: Floats) -> float:
     """m/s, east, north or up; arm (3,): m, of the antenna from the reference point."""
     p, q, r = rates(x, w)

@@ -68,19 +68,12 @@ MOVING = np.array(
     ]
 )
 CONSTANTS = tuple(state for state in State if state not in MOVING)
-# rows of the transition matrix that couple states; those with one number below 1
-COUPLED = np.array(
-    [
-        State.U,
-        State.V,
-        State.W,
-        State.PHI,
-        State.THETA,
-        State.PSI,
-        State.ALTITUDE,
-        State.KEPT_ALTITUDE,
-    ]
+# states that others drive, and the number of states, the first ones, that drive them
+DRIVEN = np.array(
+    [State.U, State.V, State.W, State.PHI, State.THETA, State.PSI, State.ALTITUDE],
 )
+DRIVERS = State.ACCEL_BIAS_Z + 1
+# states that forget
 DECAYING = np.array(
     [State.BODY_PITCH, State.BODY_ROLL, State.RECEIVER_ERROR, State.BAROMETER_ERROR]
 )

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.drive import Drive
-from roadlog.types import Bools, Floats
+from roadlog.types import Bools, Floats, Records
 
 RATE = 50.0  # Hz, of the smoother's steps; 25 Hz gives the same
 LEARNING = 600.0  # s of driving in which noise and mounting are observable; more costs time
@@ -78,6 +78,43 @@ class Steps(NamedTuple):
     starts: Floats
     antenna: Floats
     height: float
+
+
+# one step as the kernels see it: its row of `Steps`, and what all steps share
+STEP = np.dtype(
+    [
+        *[(name, np.float64, 3) for name in ("force", "rate", "force_at", "rate_at", "antenna")],
+        ("sway", np.float64, len(Sway)),
+        *[(name, np.float64, len(Fix)) for name in ("fixes", "fixes_sd")],
+        *[(name, np.float64) for name in ("dt", "height", "speed", "speed_sd")],
+        ("start", np.int64),
+        *[(name, np.bool_) for name in ("still", "clone", "alive", "due", "reported")],
+    ],
+    align=True,
+)
+
+
+def table(steps: Steps, first: int, last: int, every: int) -> Records:
+    """Step first - 1, if there is one, and steps first .. last - 1 as records (last - first + 1,).
+
+    due: the road, axle and standstill rows are used, at each `every`-th step. reported: variances
+    are given, there and at both ends of a run of the IMU: they change slowly and cost as much as
+    the rest.
+    """
+    records = np.recarray(last - first + 1, STEP)
+    begin = max(first - 1, 0)
+    known = records[begin - first + 1 :]
+    for name in steps._fields:
+        if name not in OF_THE_DRIVE:
+            known[name] = getattr(steps, name)[begin:last]
+    for name in ("dt", "antenna", "height"):
+        known[name] = getattr(steps, name)
+    known["due"] = np.arange(begin, last) % every == 0
+    follows = np.zeros(last - begin, np.bool_)
+    alive = steps.alive[begin + 1 : last + 1]
+    follows[: len(alive)] = alive
+    known["reported"] = known["due"] | (known["start"] >= 0) | ~follows
+    return records
 
 
 def grid(drive: Drive) -> Floats:

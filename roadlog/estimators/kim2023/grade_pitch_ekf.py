@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
@@ -19,6 +18,7 @@ from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
 from roadlog.filters import Engine
 from roadlog.filters.kalman import correct_scalar
 from roadlog.filters.kernels import odd_window, parabolic_mean, slope
+from roadlog.jit import compiled
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -79,7 +79,7 @@ def grade_pitch_ekf(
     return Estimate(drive.time, angles, sd, used & started, flags)
 
 
-@njit(cache=True)
+@compiled
 def force_x(grade: float, pitch: float, rate: float) -> tuple[float, float, float]:
     """f_x on a straight road and its derivatives by grade and pitch."""
     value = rate * np.cos(pitch) + G * np.sin(grade + pitch)
@@ -87,7 +87,7 @@ def force_x(grade: float, pitch: float, rate: float) -> tuple[float, float, floa
     return value, by_grade, by_grade - rate * np.sin(pitch)
 
 
-@njit(cache=True)
+@compiled
 def force_z(grade: float, pitch: float, rate: float) -> tuple[float, float, float]:
     """f_z on a straight road and its derivatives by grade and pitch."""
     value = -rate * np.sin(pitch) + G * np.cos(grade + pitch)
@@ -95,23 +95,25 @@ def force_z(grade: float, pitch: float, rate: float) -> tuple[float, float, floa
     return value, by_grade, by_grade - rate * np.cos(pitch)
 
 
-@njit(cache=True)
+@compiled
 def _filter(
     rate: Floats, f_x: Floats, f_z: Floats, used: Bools, q: Floats, r: Floats, p0: Floats
 ) -> tuple[Floats, Floats]:
     """States (n, 2) and p11, p22, p12 (n, 3)."""
     n = len(rate)
     xs, Ps = np.empty((n, 2)), np.empty((n, 3))
-    x, P, h = np.zeros(2), np.diag(p0), np.empty(2)
+    x, P = np.zeros(2), np.zeros((2, 2))
+    h, Ph = np.empty(2), np.empty(2)
+    P[0, 0], P[1, 1] = p0[0], p0[1]
     for k in range(n):
         for i in range(2):
             P[i, i] += q[i]
         if used[k]:
             value, h[0], h[1] = force_x(x[0], x[1], rate[k])
-            correct_scalar(x, P, f_x[k] - value, h, r[0])
+            correct_scalar(x, P, f_x[k] - value, h, r[0], Ph)
             value, h[0], h[1] = force_z(x[0], x[1], rate[k])
-            correct_scalar(x, P, f_z[k] - value, h, r[1])
-        xs[k] = x
+            correct_scalar(x, P, f_z[k] - value, h, r[1], Ph)
+        xs[k, 0], xs[k, 1] = x[0], x[1]
         Ps[k, 0], Ps[k, 1], Ps[k, 2] = P[0, 0], P[1, 1], P[0, 1]
     return xs, Ps
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from roadlog.filters import Engine
+from roadlog.jit import compiled
 from roadlog.types import Floats
 
 SMALL_TURN = 1e-9  # rad, below this sin(x)/x is 1
@@ -80,7 +80,7 @@ def dead_reckon(
     """
     zero = np.zeros(3)
     loop = _dead_reckon if engine == "compiled" else _dead_reckon.py_func
-    columns = loop(
+    rows, end = loop(
         np.ascontiguousarray(force),
         np.ascontiguousarray(rate),
         step,
@@ -91,7 +91,7 @@ def dead_reckon(
         zero if lever is None else lever,
         trapezoid,
     )
-    return Path(*columns.T)
+    return Path(*rows[:end].T)
 
 
 def attitude(inclination: float, roll_total: float) -> Floats:
@@ -101,7 +101,7 @@ def attitude(inclination: float, roll_total: float) -> Floats:
     return np.array([ct * cr, ct * sr, st * cr, -st * sr])
 
 
-@njit(cache=True)
+@compiled
 def turn(q: Floats, wx: float, wy: float, wz: float, step: float) -> Floats:
     """Quaternion after turning at a constant body rate [rad/s] for `step` seconds; eq. (10).
 
@@ -123,7 +123,7 @@ def turn(q: Floats, wx: float, wy: float, wz: float, step: float) -> Floats:
     return r
 
 
-@njit(cache=True)
+@compiled
 def to_navigation(q: Floats, vx: float, vy: float, vz: float) -> tuple[float, float, float]:
     """A vector of the vehicle axes in the navigation frame."""
     a, b, c, d = q[0], q[1], q[2], q[3]
@@ -133,13 +133,13 @@ def to_navigation(q: Floats, vx: float, vy: float, vz: float) -> tuple[float, fl
     return x, y, z
 
 
-@njit(cache=True)
+@compiled
 def nose_up(q: Floats) -> float:
     """Inclination of a quaternion, rad, nose up +."""
     return np.arcsin(min(1.0, max(-1.0, 2 * (q[1] * q[3] - q[0] * q[2]))))
 
 
-@njit(cache=True)
+@compiled
 def _dead_reckon(
     force: Floats,
     rate: Floats,
@@ -150,19 +150,19 @@ def _dead_reckon(
     velocity: Floats,
     lever: Floats,
     trapezoid: bool,
-) -> Floats:
-    """Columns s, x, y, z, inclination; one row a sample."""
+) -> tuple[Floats, int]:
+    """Columns s, x, y, z, inclination, one row a sample; and the number of rows."""
     n = len(force)
     rows = np.zeros((n, 5))
-    q = attitude.copy()
-    v, p = velocity.copy(), np.zeros(3)
-    a, mean, next_a = np.zeros(3), np.zeros(3), np.zeros(3)
+    q, v, p = attitude.copy(), velocity.copy(), np.zeros(3)
+    a, mean, next_a, w = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     a[0], a[1], a[2] = to_navigation(q, force[0, 0], force[0, 1], force[0, 2])
     a[2] -= gravity
     start_lever = to_navigation(q, lever[0], lever[1], lever[2])
     rows[0, 4] = nose_up(q)
     for k in range(1, n):
-        w = 0.5 * (rate[k - 1] + rate[k]) if trapezoid else rate[k - 1]
+        for i in range(3):
+            w[i] = 0.5 * (rate[k - 1, i] + rate[k, i]) if trapezoid else rate[k - 1, i]
         q = turn(q, w[0], w[1], w[2], step)
         next_a[0], next_a[1], next_a[2] = to_navigation(q, force[k, 0], force[k, 1], force[k, 2])
         next_a[2] -= gravity
@@ -177,5 +177,5 @@ def _dead_reckon(
         rows[k, 0] = rows[k - 1, 0] + np.sqrt(dx * dx + dy * dy)
         rows[k, 4] = nose_up(q)
         if rows[k, 0] >= distance:
-            return rows[: k + 1]
-    return rows
+            return rows, k + 1
+    return rows, n

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from roadlog.car.driveline import NEEDS_TORQUE, Driveline, driveline, free_wheel_speed
 from roadlog.car.road_speed import road_speed
@@ -21,6 +20,7 @@ from roadlog.estimators.luo2024.schedule import ScheduleParameters, schedule
 from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
 from roadlog.filters.ukf_loop import Equations, Tuning, register, track
+from roadlog.jit import compiled
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -55,7 +55,7 @@ class Car(NamedTuple):
     dt: float
 
 
-@njit(cache=True)
+@compiled
 def process(car: Car, x: Floats, k: int, y: Floats) -> None:
     """[v, grade] one step on."""
     v, grade = x[0], x[1]
@@ -64,13 +64,13 @@ def process(car: Car, x: Floats, k: int, y: Floats) -> None:
     y[1] = grade
 
 
-@njit(cache=True)
+@compiled
 def measure(car: Car, x: Floats, k: int, z: Floats) -> None:  # noqa: ARG001
     """The speed."""
     z[0] = x[0]
 
 
-@njit(cache=True)
+@compiled
 def spread(car: Car, P: Floats, sd: Floats) -> None:  # noqa: ARG001
     """Of the grade."""
     sd[0] = np.sqrt(P[1, 1])

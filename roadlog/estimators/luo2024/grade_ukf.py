@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from roadlog.car.planar_car import PlanarCar, resultants
 from roadlog.filters.ukf_loop import Equations, Tuning, register
+from roadlog.jit import compiled
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -43,7 +43,7 @@ def printed_tuning(dt: float, grade_noise: float) -> Tuning:
     return Tuning(Q=ours.Q, R=np.full(ROWS, 1e-4), P0=ours.P0)
 
 
-@njit(cache=True)
+@compiled
 def process(model: GradeModel, x: Floats, k: int, y: Floats) -> None:
     """The state one step on under the tire forces, by Euler's rule.
 
@@ -58,7 +58,7 @@ def process(model: GradeModel, x: Floats, k: int, y: Floats) -> None:
     y[3] = x[3]
 
 
-@njit(cache=True)
+@compiled
 def measure(model: GradeModel, x: Floats, k: int, z: Floats) -> None:
     """What the state would measure, all rows; a_x and a_y only for the printed variants."""
     car = model.car
@@ -70,7 +70,7 @@ def measure(model: GradeModel, x: Floats, k: int, z: Floats) -> None:
     z[4] = x[1]
 
 
-@njit(cache=True)
+@compiled
 def spread(model: GradeModel, P: Floats, sd: Floats) -> None:  # noqa: ARG001
     """Of every state."""
     for i in range(STATES):

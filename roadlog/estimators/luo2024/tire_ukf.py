@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from roadlog.car.planar_car import PlanarCar, resultants
 from roadlog.filters.ukf_loop import Equations, Tuning, register
+from roadlog.jit import compiled
 from roadlog.types import Floats
 
 STATES, ROWS = 15, 11
@@ -60,7 +60,7 @@ def printed_tuning() -> Tuning:
     return Tuning(Q=np.array(7 * [1e-4] + force), R=np.full(ROWS, 1e-4), P0=ours.P0)
 
 
-@njit(cache=True)
+@compiled
 def process(model: TireModel, x: Floats, k: int, y: Floats) -> None:
     """The state one step on, by Euler's rule.
 
@@ -81,7 +81,7 @@ def process(model: TireModel, x: Floats, k: int, y: Floats) -> None:
         y[i] = x[i]
 
 
-@njit(cache=True)
+@compiled
 def measure(model: TireModel, x: Floats, k: int, z: Floats) -> None:
     """What the state would measure, all rows."""
     inputs, car = model.inputs, model.car
@@ -97,7 +97,7 @@ def measure(model: TireModel, x: Floats, k: int, z: Floats) -> None:
     z[10] = x[13] - load[2] / load[3] * x[14]
 
 
-@njit(cache=True)
+@compiled
 def spread(model: TireModel, P: Floats, sd: Floats) -> None:  # noqa: ARG001
     """N: of each wheel's longitudinal force, then of the sum of an axle's lateral forces."""
     for i in range(4):

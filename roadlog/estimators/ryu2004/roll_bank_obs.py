@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from roadlog.car.driveline import free_wheel_speed
 from roadlog.car.suspension import LINEAR_TIRES
@@ -24,7 +23,8 @@ from roadlog.estimators.ryu2004.total_roll import GNSS_GAP, INERTIAL_GAP, TotalR
 from roadlog.filters import Engine
 from roadlog.filters.discretize import zero_order_hold
 from roadlog.filters.gaps import age, hold
-from roadlog.filters.kalman import correct_scalar, predict
+from roadlog.filters.kalman import correct_scalar, predict_covariance
+from roadlog.jit import compiled
 from roadlog.types import Bools, Floats
 from roadlog.units import DEG
 from roadlog.units import STANDARD_GRAVITY as G
@@ -93,7 +93,7 @@ def bicycle_car(vehicle: Vehicle) -> BicycleCar:
     )
 
 
-@njit(cache=True)
+@compiled
 def system(u: float, car: BicycleCar) -> tuple[Floats, Floats, Floats]:
     """F (8, 8), G (8,) and the noise density Qc (8,) at the speed u > 0; eqs. (20)-(24)."""
     m, h = car.mass, car.roll_arm
@@ -124,7 +124,9 @@ def system(u: float, car: BicycleCar) -> tuple[Floats, Floats, Floats]:
     B[0] = inertia * car.front_stiffness / (ix * m * u)
     B[1] = car.front * car.front_stiffness / car.yaw_inertia
     B[3] = car.front_stiffness * h / ix
-    Qc = np.array([0.04 / u**2, 0.01, 1e-8, 0.05, 0.0, 0.0, 0.5, 4e-4])
+    Qc = np.zeros(STATES)
+    Qc[0], Qc[1], Qc[2], Qc[3] = 0.04 / u**2, 0.01, 1e-8, 0.05
+    Qc[6], Qc[7] = 0.5, 4e-4
     return F, B, Qc
 
 
@@ -196,33 +198,40 @@ def _rows(total: TotalRoll, with_beta: Bools) -> Floats:
     return np.column_stack([beta, total.yaw_rate, angle, total.roll_rate])
 
 
-@njit(cache=True)
+@compiled
 def _compiled(
     z: Floats, speed: Floats, steer: Floats, R: Floats, car: BicycleCar, dt: float
 ) -> tuple[Floats, Floats, Floats]:
     n = len(z)
     xs, sds, total_sd = np.empty((n, STATES)), np.empty((n, STATES)), np.empty(n)
-    x = np.zeros(STATES)
-    first = np.where(np.isfinite(z[0]), z[0], 0.0)
-    x[0], x[1], x[4] = first[0], first[1], first[2]
-    P = np.diag(INITIAL_VARIANCE)
-    at = speed[0]
-    F, B, Qc = system(at, car)
-    Phi, Gamma, Qd = zero_order_hold(F, B, Qc, dt)
+    P, FP, Ph = np.zeros((STATES, STATES)), np.empty((STATES, STATES)), np.empty(STATES)
+    for i in range(STATES):
+        P[i, i] = INITIAL_VARIANCE[i]
+    at = 0.0
     for k in range(n):
-        if k > 0:
-            if abs(speed[k] - at) > SPEED_STEP:
-                at = speed[k]
-                F, B, Qc = system(at, car)
-                Phi, Gamma, Qd = zero_order_hold(F, B, Qc, dt)
-            x, P = predict(x, P, Phi, Gamma * steer[k - 1], Qd)
+        x = xs[k]
+        if k == 0 or abs(speed[k] - at) > SPEED_STEP:
+            at = speed[k]
+            F, B, Qc = system(at, car)
+            Phi, Gamma, Qd = zero_order_hold(F, B, Qc, dt)
+        if k == 0:
+            for i in range(STATES):
+                x[i] = 0.0
+            for i, row in ((0, 0), (1, 1), (4, 2)):
+                if np.isfinite(z[0, row]):
+                    x[i] = z[0, row]
+        else:
+            for i in range(STATES):
+                x[i] = Gamma[i] * steer[k - 1]
+                for j in range(STATES):
+                    x[i] += Phi[i, j] * xs[k - 1, j]
+            predict_covariance(P, Phi, Qd, FP, P)
         for i in range(ROWS):
             if np.isfinite(z[k, i]):
                 residual = z[k, i]
                 for j in range(STATES):
                     residual -= H[i, j] * x[j]
-                correct_scalar(x, P, residual, H[i], R[i])
-        xs[k] = x
+                correct_scalar(x, P, residual, H[i], R[i], Ph)
         for i in range(STATES):
             sds[k, i] = np.sqrt(P[i, i])
         total_sd[k] = np.sqrt(P[2, 2] + P[4, 4] + 2 * P[2, 4])

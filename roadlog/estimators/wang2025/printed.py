@@ -6,7 +6,6 @@ The Jacobian is the transition, the noises have rank one, and the pitch is stepp
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from roadlog.estimators.wang2025.suspension_ekf import (
     SuspensionModel,
@@ -41,7 +40,6 @@ def filter_printed(model: SuspensionModel) -> SuspensionTrack:
     return SuspensionTrack(x, P, innovation, np.zeros(len(model.speed), np.bool_))
 
 
-@njit(cache=True)
 def _filter(
     speed: Floats,
     accel: Floats,
@@ -57,18 +55,17 @@ def _filter(
     xs, Ps = np.empty((n, 4)), np.empty((n, 4, 4))
     innovation = np.full((n, 3), np.nan)
     x, P = x0.copy(), P0.copy()
-    mass = car[1]
+    A, H = np.empty((4, 4)), np.zeros((2, 4))
+    H[0, 0] = 1.0
     for k in range(n):
         if k > 0:
-            A = jacobian(x, force[k], car)
+            jacobian(x, force[k], car, A)
             x = A @ x
             if np.isfinite(force[k]):
-                x[1] += force[k] / mass
+                x[1] += force[k] / car[1]
             P = A @ P @ A.T + Q
         if np.isfinite(speed[k]) and np.isfinite(accel[k]):
-            H = np.zeros((2, 4))
-            H[0, 0] = 1.0
-            H[1] = accel_row(x, body)
+            accel_row(x, body, H[1])
             residual = np.array([speed[k] - x[0], accel[k] - measured_accel(x, body)])
             S = H @ P @ H.T + R
             gain = P @ H.T @ np.linalg.inv(S)

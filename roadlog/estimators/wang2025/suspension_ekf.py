@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from roadlog.filters import Engine
-from roadlog.filters.kalman import correct_scalar, predict, smooth_step
+from roadlog.filters.kalman import correct_scalar, predict_covariance, smooth_step
+from roadlog.jit import compiled
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY
 
@@ -66,27 +66,31 @@ class SuspensionTrack:
     rejected: Bools
 
 
-@njit(cache=True)
-def transition(x: Floats, force: float, car: Floats) -> Floats:
-    """Next state; an unknown drive force (NaN) keeps the acceleration."""
-    dt, mass, drag, rolling, height, decay, gain = car
-    v, a, grade, pitch = x
-    y = x.copy()
+@compiled
+def transition(x: Floats, force: float, car: Floats, y: Floats) -> None:
+    """Next state into y (4,); an unknown drive force (NaN) keeps the acceleration."""
+    dt, mass, drag, rolling, height = car[0], car[1], car[2], car[3], car[4]
+    decay, gain = car[5], car[6]
+    v, a, grade, pitch = x[0], x[1], x[2], x[3]
     y[0] = v + dt * (a - G * np.sin(grade))
+    y[1] = a
     if np.isfinite(force):
         y[1] = (force - drag * v * abs(v)) / mass
         if v > ROLLING_SPEED:
             y[1] -= G * rolling * np.cos(grade)
+    y[2] = grade
     y[3] = decay * pitch + gain * height * (mass * a + drag * v * v)
-    return y
 
 
-@njit(cache=True)
-def jacobian(x: Floats, force: float, car: Floats) -> Floats:
-    """dtransition/dx."""
-    dt, mass, drag, rolling, height, decay, gain = car
-    v, _, grade, _ = x
-    F = np.eye(4)
+@compiled
+def jacobian(x: Floats, force: float, car: Floats, F: Floats) -> None:
+    """dtransition/dx into F (4, 4)."""
+    dt, mass, drag, rolling, height = car[0], car[1], car[2], car[3], car[4]
+    decay, gain = car[5], car[6]
+    v, grade = x[0], x[2]
+    for i in range(4):
+        for j in range(4):
+            F[i, j] = 1.0 if i == j else 0.0
     F[0, 1] = dt
     F[0, 2] = -dt * G * np.cos(grade)
     if np.isfinite(force):
@@ -97,55 +101,75 @@ def jacobian(x: Floats, force: float, car: Floats) -> Floats:
     F[3, 0] = gain * height * 2 * drag * v
     F[3, 1] = gain * height * mass
     F[3, 3] = decay
-    return F
 
 
-@njit(cache=True)
+@compiled
 def measured_accel(x: Floats, body: bool) -> float:
     """What the accelerometer reads, m/s2: along the body or along the road."""
-    _, a, grade, pitch = x
+    a, grade, pitch = x[1], x[2], x[3]
     if not body:
         return a
     return (a - G * np.sin(grade)) * np.cos(pitch) + G * np.sin(grade + pitch)
 
 
-@njit(cache=True)
-def accel_row(x: Floats, body: bool) -> Floats:
-    """dmeasured_accel/dx."""
-    _, a, grade, pitch = x
-    h = np.zeros(4)
-    if not body:
-        h[1] = 1.0
-        return h
-    along = G * np.cos(grade + pitch)
-    h[1] = np.cos(pitch)
-    h[2] = along - G * np.cos(grade) * np.cos(pitch)
-    h[3] = along - (a - G * np.sin(grade)) * np.sin(pitch)
-    return h
+@compiled
+def accel_row(x: Floats, body: bool, h: Floats) -> None:
+    """dmeasured_accel/dx into h (4,)."""
+    a, grade, pitch = x[1], x[2], x[3]
+    h[0] = h[2] = h[3] = 0.0
+    h[1] = 1.0
+    if body:
+        along = G * np.cos(grade + pitch)
+        h[1] = np.cos(pitch)
+        h[2] = along - G * np.cos(grade) * np.cos(pitch)
+        h[3] = along - (a - G * np.sin(grade)) * np.sin(pitch)
 
 
-@njit(cache=True)
-def process_noise(x: Floats, Q: Floats) -> Floats:
-    """Q as a matrix; larger for the acceleration of a car that hardly moves."""
-    result = np.diag(Q)
+@compiled
+def process_noise(x: Floats, Q: Floats, result: Floats) -> None:
+    """Q as a matrix into result (4, 4); larger for the acceleration of a car that hardly moves."""
+    for i in range(4):
+        for j in range(4):
+            result[i, j] = Q[i] if i == j else 0.0
     if abs(x[0]) < SLOW_SPEED:
         result[1, 1] = max(Q[1], SLOW_ACCEL_VARIANCE)
-    return result
 
 
-@njit(cache=True)
-def ahead(x: Floats, P: Floats, force: float, Q: Floats, car: Floats) -> tuple[Floats, Floats]:
-    """State and covariance one step on, before anything is measured."""
-    F = jacobian(x, force, car)
-    return transition(x, force, car), predict(x, P, F, np.zeros(4), process_noise(x, Q))[1]
+@compiled
+def ahead(
+    x: Floats,
+    P: Floats,
+    force: float,
+    Q: Floats,
+    car: Floats,
+    y: Floats,
+    S: Floats,
+    FP: Floats,
+    work: Floats,
+) -> None:
+    """State and covariance one step on into y (4,), S (4, 4), before anything is measured.
+
+    FP (4, 4): Jacobian times P. work (2, 4, 4): the Jacobian, and scratch.
+    """
+    F, noise = work[0], work[1]
+    jacobian(x, force, car, F)
+    process_noise(x, Q, noise)
+    transition(x, force, car, y)
+    predict_covariance(P, F, noise, FP, S)
 
 
 def filter_suspension(model: SuspensionModel, engine: Engine = "compiled") -> SuspensionTrack:
     """Filtered states: each step from all measurements up to it."""
     run: Any = _filter_reference if engine == "reference" else _filter
-    data = (model.speed, model.accel, model.force, model.x0, model.P0, model.Q, model.R)
+    n = len(model.speed)
+    track = SuspensionTrack(
+        np.empty((n, 4)), np.empty((n, 4, 4)), np.full((n, 3), np.nan), np.zeros(n, np.bool_)
+    )
+    track.x[:1], track.P[:1] = model.x0, model.P0
+    data = (model.speed, model.accel, model.force, model.Q, model.R)
     arrays = (np.ascontiguousarray(part, np.float64) for part in data)
-    return SuspensionTrack(*run(*arrays, model.car, model.body_mount, model.gate))
+    run(*arrays, model.car, model.body_mount, model.gate, *vars(track).values())
+    return track
 
 
 def smooth_suspension(
@@ -162,33 +186,36 @@ def smooth_suspension(
     return track
 
 
-@njit(cache=True)
+@compiled
 def _filter(
     speed: Floats,
     accel: Floats,
     force: Floats,
-    x0: Floats,
-    P0: Floats,
     Q: Floats,
     R: Floats,
     car: Floats,
     body: bool,
     gate: float,
-) -> tuple[Floats, Floats, Floats, Bools]:
-    n = len(speed)
-    xs, Ps = np.empty((n, 4)), np.empty((n, 4, 4))
-    innovation, rejected = np.full((n, 3), np.nan), np.zeros(n, np.bool_)
-    speed_row = np.array([1.0, 0.0, 0.0, 0.0])
-    x, P = x0.copy(), P0.copy()
-    for k in range(n):
+    xs: Floats,
+    Ps: Floats,
+    innovation: Floats,
+    rejected: Bools,
+) -> None:
+    FP, work = np.empty((4, 4)), np.empty((2, 4, 4))
+    rows, Ph = np.zeros((2, 4)), np.empty(4)
+    rows[0, 0] = 1.0
+    for k in range(len(speed)):
+        x, P = xs[k], Ps[k]
         if k > 0:
-            x, P = ahead(x, P, force[k], Q, car)
+            ahead(xs[k - 1], Ps[k - 1], force[k], Q, car, x, P, FP, work)
         nis, used = 0.0, 0
         for i in range(2):
             z = speed[k] if i == 0 else accel[k]
             if not np.isfinite(z):
                 continue
-            h = speed_row if i == 0 else accel_row(x, body)
+            h = rows[i]
+            if i == 1:
+                accel_row(x, body, h)
             residual = z - (x[0] if i == 0 else measured_accel(x, body))
             s = R[i]
             for a in range(4):
@@ -200,52 +227,55 @@ def _filter(
             if abs(residual) > gate * np.sqrt(s):
                 rejected[k] = True
                 continue
-            correct_scalar(x, P, residual, h, R[i])
+            correct_scalar(x, P, residual, h, R[i], Ph)
         if used > 0:
             innovation[k, 2] = nis / used
-        xs[k] = x
-        Ps[k] = P
-    return xs, Ps, innovation, rejected
 
 
-@njit(cache=True)
+@compiled
 def _smooth(xs: Floats, Ps: Floats, force: Floats, Q: Floats, car: Floats) -> None:
+    prior, work, of_step = np.empty((2, 4)), np.empty((4, 4, 4)), np.empty((2, 4, 4))
     for k in range(len(xs) - 2, -1, -1):
-        x_prior, P_prior = ahead(xs[k], Ps[k], force[k + 1], Q, car)
-        F = jacobian(xs[k], force[k + 1], car)
-        xs[k], Ps[k] = smooth_step(xs[k], Ps[k], F, x_prior, P_prior, xs[k + 1], Ps[k + 1])
+        ahead(xs[k], Ps[k], force[k + 1], Q, car, prior[0], work[0], work[1], of_step)
+        smooth_step(xs[k], Ps[k], xs[k + 1], Ps[k + 1], prior, work)
 
 
 def _filter_reference(
     speed: Floats,
     accel: Floats,
     force: Floats,
-    x0: Floats,
-    P0: Floats,
     Q: Floats,
     R: Floats,
     car: Floats,
     body: bool,
     gate: float,
-) -> tuple[Floats, Floats, Floats, Bools]:
+    xs: Floats,
+    Ps: Floats,
+    innovation: Floats,
+    rejected: Bools,
+) -> None:
     from filterpy.kalman import ExtendedKalmanFilter
 
     class Filter(ExtendedKalmanFilter):  # type: ignore[misc]
         def predict_x(self, u: float = 0.0) -> None:
             state: Floats = np.ravel(vars(self)["x"])
-            self.x = transition(state, u, car).reshape(4, 1)
+            y = np.empty(4)
+            transition(state, u, car, y)
+            self.x = y.reshape(4, 1)
+
+    def row_of_accel(x: Floats) -> Floats:
+        h = np.empty((1, 4))
+        accel_row(x[:, 0], body, h[0])
+        return h
 
     ekf = Filter(4, 1)
-    ekf.x, ekf.P = x0.reshape(4, 1).copy(), P0.copy()
-    n = len(speed)
-    xs, Ps = np.empty((n, 4)), np.empty((n, 4, 4))
-    innovation, rejected = np.full((n, 3), np.nan), np.zeros(n, np.bool_)
-    rows = (lambda _: np.array([[1.0, 0.0, 0.0, 0.0]]), lambda x: accel_row(x[:, 0], body)[None])
+    ekf.x, ekf.P = xs[0].reshape(4, 1).copy(), Ps[0].copy()
+    rows = (lambda _: np.array([[1.0, 0.0, 0.0, 0.0]]), row_of_accel)
     readings = (lambda x: x[0:1], lambda x: np.array([[measured_accel(x[:, 0], body)]]))
-    for k in range(n):
+    for k in range(len(speed)):
         if k > 0:
-            ekf.F = jacobian(ekf.x[:, 0], force[k], car)
-            ekf.Q = process_noise(ekf.x[:, 0], Q)
+            jacobian(ekf.x[:, 0], force[k], car, ekf.F)
+            process_noise(ekf.x[:, 0], Q, ekf.Q)
             ekf.predict(force[k])
         squares = []
         for i, z in enumerate((speed[k], accel[k])):
@@ -263,14 +293,15 @@ def _filter_reference(
         if squares:
             innovation[k, 2] = np.mean(squares)
         xs[k], Ps[k] = ekf.x[:, 0], ekf.P
-    return xs, Ps, innovation, rejected
 
 
 def _smooth_reference(xs: Floats, Ps: Floats, force: Floats, Q: Floats, car: Floats) -> None:
+    F, noise, x_prior = np.empty((4, 4)), np.empty((4, 4)), np.empty(4)
     for k in range(len(xs) - 2, -1, -1):
-        F = jacobian(xs[k], force[k + 1], car)
-        x_prior = transition(xs[k], force[k + 1], car)
-        P_prior = F @ Ps[k] @ F.T + process_noise(xs[k], Q)
+        jacobian(xs[k], force[k + 1], car, F)
+        process_noise(xs[k], Q, noise)
+        transition(xs[k], force[k + 1], car, x_prior)
+        P_prior = F @ Ps[k] @ F.T + noise
         C = np.linalg.solve(P_prior, F @ Ps[k]).T
         xs[k] += C @ (xs[k + 1] - x_prior)
         Ps[k] += C @ (Ps[k + 1] - P_prior) @ C.T

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from roadlog.jit import compiled
 
 NUMBER, BLANK, TEXT, INTEGER = 0, 1, 2, 3  # what a cell holds; INTEGER: exact in `integers` too
 
@@ -19,7 +20,7 @@ _POWERS = np.array([float(10**k) for k in range(_LARGEST + 1)])
 _RESTS = np.array([float(10**k - int(float(10**k))) for k in range(_LARGEST + 1)])
 
 
-@njit(cache=True)
+@compiled
 def _scaled(mantissa: np.uint64, exponent: int) -> float:
     """mantissa * 10^exponent, rounded once (Dekker 1971: double-double product and quotient)."""
     high = float(mantissa)
@@ -46,7 +47,7 @@ def _scaled(mantissa: np.uint64, exponent: int) -> float:
     return first + ((high - product) - rest + low - first * power_rest) / power
 
 
-@njit(cache=True)
+@compiled
 def _cell(data, start, end, comma):  # type: ignore[no-untyped-def]
     """Kind, value and integer of the bytes of one cell, blanks stripped."""
     while start < end and (data[start] == _SPACE or data[start] == _TAB):
@@ -101,7 +102,7 @@ def _cell(data, start, end, comma):  # type: ignore[no-untyped-def]
     return (INTEGER if whole else NUMBER), value, np.int64(integer)
 
 
-@njit(cache=True)
+@compiled
 def _field(data, k, delimiter):  # type: ignore[no-untyped-def]
     """Start and end of the field at k, the delimiter or line feed behind it, whether in quotes."""
     size = len(data)
@@ -132,7 +133,7 @@ def _field(data, k, delimiter):  # type: ignore[no-untyped-def]
     return start, end, k, quoted
 
 
-@njit(cache=True)
+@compiled
 def parse(data, delimiter, comma, width, picks, kinds, values, integers, spans):  # type: ignore[no-untyped-def]
     """Rows of a block that ends with a line feed; lines of remarks are passed over.
 

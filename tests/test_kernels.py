@@ -1,0 +1,114 @@
+"""What a compiled loop may hold, so that a first run does not wait for it; roadlog/jit.py."""
+
+import ast
+import importlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import roadlog
+
+TREE = Path(roadlog.__file__).parent
+MAKERS = {"compiled", "reordered", "njit"}
+ARRAYS = {"Floats", "Bools"}
+# of numpy: functions of numbers, constants, types, and arrays that begin empty
+ALLOWED = (
+    {"empty", "zeros", "sqrt", "sin", "cos", "tan", "tanh", "arcsin", "arctan", "arctan2", "exp"}
+    | {"log", "log10", "abs", "floor", "isfinite", "isnan", "sign", "pi", "nan", "inf"}
+    | {"bool_", "int64", "uint64", "uint8", "float64"}
+)
+
+
+def kernels() -> Iterator[tuple[str, ast.FunctionDef]]:
+    """Module and syntax of every function that numba compiles."""
+    for path in sorted(TREE.rglob("*.py")):
+        module = ".".join(path.relative_to(TREE.parent).with_suffix("").parts)
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef) and is_kernel(node):
+                yield module, node
+
+
+def is_kernel(function: ast.FunctionDef) -> bool:
+    makers = (d.func if isinstance(d, ast.Call) else d for d in function.decorator_list)
+    return any(isinstance(maker, ast.Name) and maker.id in MAKERS for maker in makers)
+
+
+def faults(module: str, function: ast.FunctionDef) -> Iterator[str]:
+    """Sentences on what compiles slowly."""
+    named = vars(importlib.import_module(module))
+    arrays = {
+        a.arg for a in function.args.args if a.annotation and ast.unparse(a.annotation) in ARRAYS
+    }
+    arrays |= {name for name, value in assigned(function) if is_new_array(value)}
+
+    def is_array(node: ast.expr) -> bool:
+        return is_new_array(node) or (isinstance(node, ast.Name) and node.id in arrays)
+
+    for node in ast.walk(function):
+        where = f"{module}:{getattr(node, 'lineno', 0)} {function.name}: "
+        if isinstance(node, ast.Assign | ast.AugAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            for target in targets:
+                if isinstance(target, ast.Subscript):
+                    if any(isinstance(part, ast.Slice) for part in ast.walk(target.slice)):
+                        yield where + "a slice is assigned; write a loop"
+                    elif is_array(node.value):
+                        yield where + "a row is assigned; write a loop"
+                elif isinstance(node, ast.AugAssign) and is_array(target):
+                    yield where + "an array is changed as a whole; write a loop"
+        elif isinstance(node, ast.BinOp):
+            if isinstance(node.op, ast.MatMult) or is_array(node.left) or is_array(node.right):
+                yield where + "an expression of arrays; write a loop"
+        elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "np":
+            if node.attr not in ALLOWED:
+                yield where + f"np.{node.attr} takes or makes arrays; write a loop"
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) != "len":
+            for argument in node.args:
+                if isinstance(argument, ast.Name) and isinstance(
+                    named.get(argument.id), np.ndarray
+                ):
+                    yield where + f"{argument.id} is a constant, of another type than an argument"
+
+
+def assigned(function: ast.FunctionDef) -> Iterator[tuple[str, ast.expr]]:
+    """Names and what becomes of them, also those of a tuple."""
+    for node in ast.walk(function):
+        for target in node.targets if isinstance(node, ast.Assign) else []:
+            if isinstance(target, ast.Name):
+                yield target.id, node.value
+            elif isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+                for part, value in zip(target.elts, node.value.elts, strict=True):
+                    yield ast.unparse(part), value
+
+
+def is_new_array(node: ast.expr) -> bool:
+    made = isinstance(node, ast.Call) and ast.unparse(node.func)
+    return made in ("np.empty", "np.zeros") or (bool(made) and str(made).endswith(".copy"))
+
+
+def test_no_kernel_holds_what_compiles_slowly() -> None:
+    found = [fault for module, function in kernels() for fault in faults(module, function)]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "xs[0] = x",
+        "xs[0, :] = 1.0",
+        "x += 1.0",
+        "x = 2.0 * x",
+        "x = x @ x",
+        "x = np.where(x > 0, x, 0.0)",
+        "np.linalg.inv(xs)",
+        "f(MOVING)",
+    ],
+)
+def test_the_rule_sees_it(line: str) -> None:
+    text = f"@compiled\ndef kernel(x: Floats, xs: Floats) -> None:\n    {line}\n"
+    function = ast.parse(text).body[0]
+    assert isinstance(function, ast.FunctionDef)
+    assert is_kernel(function)
+    assert list(faults("roadlog.estimators.fusion.states", function))
