@@ -143,7 +143,7 @@ SIG_VALTYPE_""",
 def test_a_broken_dbc_is_named(tmp_path):
     path = tmp_path / "bad.dbc"
     path.write_text("this is no database {{{")
-    with pytest.raises(LogReadError, match=r"bad\.dbc: cannot be read as a DBC file"):
+    with pytest.raises(LogReadError, match=r"bad\.dbc: cannot be read as a CAN database"):
         can.load([path])
 
 

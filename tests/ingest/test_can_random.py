@@ -12,6 +12,12 @@ from roadlog.ingest.formats.can_database import Known
 
 cantools = pytest.importorskip("cantools")
 FRAMES = 12
+J1939 = (
+    'BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";\n'
+    'BA_DEF_DEF_ "VFrameFormat" "StandardCAN";\n'
+)
+ANYONE = 0xFE  # the address that stands for every sender
+GROUP = 0x98FE0000  # a parameter group of J1939, with its message's number and a sender's address
 NONE = ("SNA", "not available", "Signal_Invalid", "Error", "Fehler")
 FEW = settings(
     max_examples=30,
@@ -84,15 +90,24 @@ def messages(draw, number: int, identifier: int) -> str:
 @st.composite
 def cases(draw) -> tuple[str, list[tuple[str, int, bytes]]]:
     """A database, and frames of two buses that it knows, does not know, or that are short."""
-    count = draw(st.integers(1, 3))
-    identifiers = [0x100 + k if k % 2 else 0x80000000 | (0x18FF0000 + k) for k in range(count)]
+    kinds = draw(st.lists(st.sampled_from(["11 bits", "29 bits", "group"]), min_size=1, max_size=3))
+    bases = {"11 bits": 0x100, "29 bits": 0x98FF0000, "group": GROUP | ANYONE}
+    identifiers = [bases[kind] + (k << 8) for k, kind in enumerate(kinds)]
     found = [draw(messages(k, i)) for k, i in enumerate(identifiers)]
     text = 'VERSION ""\n\nBU_: X\n\n' + "\n\n".join(head for head, _ in found)
-    text += "\n\n" + "\n".join(line for _, more in found for line in more) + "\n"
+    text += "\n\n" + J1939
+    for i, kind in zip(identifiers, kinds, strict=True):
+        text += f'BA_ "VFrameFormat" BO_ {i} 3;\n' if kind == "group" else ""
+    text += "\n".join(line for _, more in found for line in more) + "\n"
+    sent = [
+        i - ANYONE + source if kind == "group" else i
+        for i, kind in zip(identifiers, kinds, strict=True)
+        for source in (0, 11)
+    ]
     frames = [
         (
             draw(st.sampled_from(["can0", "can1"])),
-            draw(st.sampled_from([*identifiers, 0x7FF])),
+            draw(st.sampled_from([*sent, 0x7FF])),
             draw(st.binary(min_size=draw(st.sampled_from([8, 8, 8, 3])), max_size=8)),
         )
         for _ in range(FRAMES)
@@ -110,9 +125,19 @@ def expected(message, data: bytes) -> dict[str, float]:
     none = {
         s.name
         for s in message.signals
-        if s.choices and str(s.choices.get(raw.get(s.name), "")) in NONE
+        if (s.choices and str(s.choices.get(raw.get(s.name), "")) in NONE)
+        or (message.protocol == "j1939" and s.name in raw and is_none_of_j1939(s, raw[s.name]))
     }
     return {name: np.nan if name in none else float(v) for name, v in values.items()}
+
+
+def is_none_of_j1939(signal, raw: float) -> bool:
+    """SAE J1939-71, table 1: numbers of a byte and more that begin with 0xFE or 0xFF."""
+    if signal.is_float or signal.length < 8:
+        return False
+    if signal.is_signed:
+        return raw >= (1 << (signal.length - 1)) - 2
+    return int(raw) >> (signal.length - 8) >= 0xFE
 
 
 def agrees(case) -> None:
@@ -120,6 +145,7 @@ def agrees(case) -> None:
     database = cantools.database.load_string(text, "dbc", strict=False)
     known = [Known(message, "x.dbc") for message in database.messages]
     by_id = {one.identifier: one.message for one in known}
+    by_id |= {i - ANYONE + s: m for i, m in by_id.items() if m.protocol == "j1939" for s in (0, 11)}
     buses = ["can0", "can1"]
     decoder = can.Decoder(known, "x", None)
     for start in (0, FRAMES // 2):  # in two batches

@@ -16,6 +16,14 @@ from numpy.typing import NDArray
 from roadlog.errors import LogReadError
 from roadlog.ingest.formats import obd
 from roadlog.ingest.formats.can_database import EXTENDED, Known, Messages, load
+from roadlog.ingest.formats.can_packets import (
+    Containers,
+    FastPackets,
+    Transport,
+    Whole,
+    is_transport,
+    packets_of,
+)
 from roadlog.ingest.formats.can_signals import Stream, no_value
 from roadlog.ingest.formats.obd_bus import Answers, answers_of
 from roadlog.ingest.frame import Frame, Recording
@@ -49,8 +57,9 @@ def names(known: Sequence[Known]) -> set[str]:
     """Every name that decoding may give: `MESSAGE.SIGNAL`, `SIGNAL`, and those of OBD-II."""
     found = {f"{obd.FRAME}.{parameter.name}" for parameter in obd.PARAMETERS.values()}
     for one in known:
-        for signal in one.message.signals:
-            found |= {signal.name, f"{one.message.name}.{signal.name}"}
+        for message in (one.message, *(one.message.contained_messages or ())):
+            for signal in message.signals:
+                found |= {signal.name, f"{message.name}.{signal.name}"}
     return found
 
 
@@ -72,10 +81,17 @@ class _Heard:
     count: int = 0
     stream: Stream | None = None
     answers: Answers | None = None
+    packets: FastPackets | Containers | None = None
+    wholes: int = 0  # known messages that its frames, or parts of them, made
 
     @property
     def shown(self) -> str:
         return f"0x{self.identifier & ~EXTENDED:X}"
+
+    @property
+    def is_known(self) -> bool:
+        """Whether anything of it was decoded."""
+        return self.stream is not None or self.wholes > 0 or bool(self.answers and self.answers.any)
 
 
 @dataclass
@@ -92,6 +108,7 @@ class Decoder:
     loose: bool = False
     _heard: dict[tuple[str, int], _Heard] = field(default_factory=dict)
     _streams: dict[tuple[str, str, int | None], Stream] = field(default_factory=dict)
+    _transports: dict[str, Transport] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.messages = Messages(self.known)
@@ -108,8 +125,62 @@ class Decoder:
             part = frames.time[rows], frames.data[rows], frames.length[rows]
             if heard.stream is not None:
                 heard.stream.add((group, heard.identifier), *part)
+            elif heard.packets is not None:
+                self._apart(heard, group, part)
             elif heard.answers is not None:
                 heard.answers.add(*part)
+        if self.messages.has_groups:
+            self._joined(frames, buses, group)
+
+    def _apart(self, heard: _Heard, group: object, part: tuple[NDArray, ...]) -> None:
+        """Messages of several frames, or several of one frame."""
+        assert heard.packets is not None
+        wholes: list[Whole] = []
+        for time, data, length in zip(*part, strict=True):
+            wholes += heard.packets.add(int(time), data[:length].tobytes())
+        heard.wholes += len(wholes)
+        source = heard.identifier & 0xFF if heard.packets.known.by_pgn else None
+        self._keep(heard.bus, source, (group, heard.identifier), wholes)
+
+    def _joined(self, frames: CanFrames, buses: NDArray[np.uint8], group: object) -> None:
+        """Long messages of J1939, of announcements and packets in the order of the source."""
+        seen = [i for i in np.unique(frames.identifier).tolist() if is_transport(i)]
+        for row in np.flatnonzero(np.isin(frames.identifier, seen)).tolist() if seen else ():
+            bus, identifier = frames.buses[buses[row]], int(frames.identifier[row])
+            transport = self._transports.setdefault(bus, Transport())
+            data = frames.data[row, : frames.length[row]].tobytes()
+            made = transport.add(int(frames.time[row]), identifier, data)
+            found = self.messages.find(bus, made[1]) if made else None
+            if made and found:
+                known, source = found
+                self._keep(bus, source, (group, made[1]), [(known, made[0], made[2])])
+                for heard in self._heard.values():  # its announcements and its packets
+                    same = heard.identifier & 0xFFFF == identifier & 0xFFFF  # sender and receiver
+                    if same and heard.bus == bus and is_transport(heard.identifier):
+                        heard.wholes += 1
+
+    def _keep(self, bus: str, source: int | None, origin: object, wholes: Sequence[Whole]) -> None:
+        """Decode whole messages, all of a name at once."""
+        by_name: dict[str, list[Whole]] = {}
+        for whole in wholes:
+            by_name.setdefault(whole[0].message.name, []).append(whole)
+        for rows in by_name.values():
+            widest = max(len(data) for *_, data in rows)
+            padded = b"".join(data.ljust(widest, b"\0") for *_, data in rows)
+            self._stream(bus, rows[0][0], source).add(
+                origin,
+                np.array([time for _, time, _ in rows], np.int64),
+                np.frombuffer(padded, np.uint8).reshape(-1, widest),
+                np.array([len(data) for *_, data in rows], np.int64),
+            )
+
+    def _stream(self, bus: str, known: Known, source: int | None) -> Stream:
+        """Where a message of a sender on a bus goes."""
+        place = bus, known.message.name, source
+        if place not in self._streams:
+            names = _names(known.message.name, bus, source)
+            self._streams[place] = Stream(known, names, source, self.profile)
+        return self._streams[place]
 
     def _of(self, bus: str, identifier: int) -> _Heard:
         key = bus, identifier
@@ -120,11 +191,9 @@ class Decoder:
                 found = self.messages.find(bus, identifier & ~EXTENDED)
             if found is not None:
                 known, source = found
-                place = bus, known.message.name, source
-                if place not in self._streams:
-                    names = _names(known.message.name, bus, source)
-                    self._streams[place] = Stream(known, names, source, self.profile)
-                heard.stream = self._streams[place]
+                heard.packets = packets_of(known)
+                if heard.packets is None:
+                    heard.stream = self._stream(bus, known, source)
             else:
                 heard.answers = answers_of(identifier)
             self._heard[key] = heard
@@ -141,7 +210,7 @@ class Decoder:
             raise LogReadError(f"{self.file}: holds no CAN frame; cut short or empty")
         found = [*self._decoded(), *self._answered()]
         heard = sorted(self._heard.values(), key=lambda h: (h.identifier, h.bus))
-        unknown = [h for h in heard if h.stream is None and not (h.answers and h.answers.any)]
+        unknown = [h for h in heard if not h.is_known]
         several = len({h.bus for h in heard}) > 1
         said = [f"{h.shown} ({h.count}{f' on {h.bus}' if several else ''})" for h in unknown]
         if not found:
@@ -249,9 +318,13 @@ class Decoder:
         broken: Counter[str] = Counter()
         for one in heard:
             if one.answers is not None and one.answers.broken:
-                broken[one.shown] += one.answers.broken
-        for shown, count in broken.items():
-            yield f"{self.file}: {shown}: {count} OBD-II answers of several frames are not whole"
+                broken[f"{one.shown}: %d OBD-II answers of several frames"] += one.answers.broken
+            if one.packets is not None and one.packets.broken:
+                broken[f"{one.shown}: %d messages of several parts"] += one.packets.broken
+        long = sum(transport.broken for transport in self._transports.values())
+        broken |= {"J1939: %d messages of several frames": long} if long else {}
+        for what, count in broken.items():
+            yield f"{self.file}: {what % count} are not whole"
 
 
 def _names(message: str, bus: str, source: int | None) -> frozenset[str]:

@@ -79,7 +79,7 @@ def load(paths: Sequence[Path]) -> list[Known]:
             raise LogReadError(f"{path}: no such DBC file. {near(path.name, siblings)}")
         with readable(path):
             _bounded(path)
-        with guarded(path, "a DBC file"):
+        with guarded(path, "a CAN database"):
             database: Any = cantools.database.load_file(path, strict=False)
         found += [Known(message, path.name, bus) for message in database.messages]
     return found
@@ -92,11 +92,11 @@ def _bounded(path: Path) -> None:
         for low, high in _RANGE.findall(pages[0]):
             if int(high) - int(low) > MOST_PAGES:
                 said = f"{int(low)}-{int(high)}"
-                raise LogReadError(f"{path}: cannot be read as a DBC file: pages {said}")
+                raise LogReadError(f"{path}: cannot be read as a CAN database: pages {said}")
     for match in _BITS.finditer(text):
         if int(match[1]) > FURTHEST or int(match[2]) > FURTHEST:
             said = match[0].decode("ascii")
-            raise LogReadError(f"{path}: cannot be read as a DBC file: a signal at bits {said}")
+            raise LogReadError(f"{path}: cannot be read as a CAN database: a signal at bits {said}")
 
 
 def bus_name(channel: object) -> str:
@@ -129,6 +129,11 @@ class Messages:
 
     def __bool__(self) -> bool:
         return bool(self._exact)
+
+    @property
+    def has_groups(self) -> bool:
+        """Whether there are messages of parameter groups."""
+        return bool(self._groups)
 
     def find(self, bus: str, identifier: int) -> tuple[Known, int | None] | None:
         """The message and, where it is one of many senders, the source address."""
