@@ -305,6 +305,34 @@ def test_databases_of_other_kinds(tmp_path, kind):
     np.testing.assert_allclose(speed * 3.6, 50 + np.arange(COUNT) / 100)
 
 
+SLOPPY = {
+    "29 bits": ("BO_ 100 ", f"BO_ {0x18FF0064} "),
+    "digit": (" SG_ AccelX", ' SG_ 0_COUNTER : 48|8@1+ (1,0) [0|0] "" X\n SG_ AccelX'),
+    "point": ("(0.01,0)", "(.01,0)"),
+    "comment": ("\nBO_", '\nCM_ 100 "a; remark\nof two lines"\nCM_ "more"\nBO_'),
+    "texts": ("[-30|30]", "[-30|30]"),
+}
+
+
+@pytest.mark.parametrize("kind", SLOPPY)
+def test_databases_as_people_share_them_are_read(tmp_path, kind):
+    text = MOTION.replace(*SLOPPY[kind], 1)
+    identifier = 0x18FF0064 if kind == "29 bits" else 100
+    text += f'VAL_ {identifier} Gone 3 "it; says" 4 "SNA" ;\n' if kind == "texts" else ""
+    text += f'VAL_ {identifier} VehicleSpeed 65535 "SNA" ;\n'
+    text += f'VAL_ {identifier} AccelX 5 "five"\n' if kind == "texts" else ""
+    with pytest.raises(cantools.database.UnsupportedDatabaseFormatError):
+        cantools.database.load_string(text, "dbc", strict=False)
+    frames = [(k / 50, "can0", identifier, motion(k)) for k in range(COUNT)]
+    frames.append((COUNT / 50, "can0", identifier, b"\xff\xff" + motion(0)[2:]))
+    found = decoded(tmp_path, frames, text)
+    speed = found.frames[0].columns["VehicleSpeed"]
+    np.testing.assert_allclose(speed[:-1], 50 + np.arange(COUNT) / 100)
+    assert np.isnan(speed[-1])
+    said = [note for note in found.notes if "put right in the database" in note]
+    assert bool(said) is (kind in ("29 bits", "digit", "texts"))
+
+
 def test_two_senders_are_offered_by_profile_new(tmp_path):
     def speed(raw: int) -> bytes:
         return struct.pack("<BHBI", 0xFF, raw, 0xFF, 0xFFFFFFFF)

@@ -281,7 +281,9 @@ class Decoder:
             for name in obd.UNITS
             if len(by := [h for h in answering if name in h.answers.columns()]) > 1  # type: ignore[union-attr]
         ]
+        mended = {f"{one.file}: {one.mended}": None for one in self.known if one.mended}
         return {
+            "put right in the database": list(mended),
             "multiplexed": [s.message.name for s in streams if s.message.is_multiplexed()],
             "never valid": [
                 f"{s.message.name}.{signal.name} ({why})"

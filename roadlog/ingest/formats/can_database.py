@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from roadlog.errors import LogReadError, MissingExtraError, near
+from roadlog.ingest.formats import dbc_text
 from roadlog.ingest.formats.parsers import guarded, readable
 
 EXTENDED = 1 << 31  # marks a 29-bit identifier, as in a DBC file
@@ -27,11 +28,13 @@ class Known:
     """One message of a database.
 
     message: cantools' own. file: of the database. bus: the one that it is for, empty for all.
+    mended: what had to be put right in the file.
     """
 
     message: Any
     file: str
     bus: str = ""
+    mended: str = ""
 
     @property
     def identifier(self) -> int:
@@ -80,9 +83,24 @@ def load(paths: Sequence[Path]) -> list[Known]:
         with readable(path):
             _bounded(path)
         with guarded(path, "a CAN database"):
-            database: Any = cantools.database.load_file(path, strict=False)
-        found += [Known(message, path.name, bus) for message in database.messages]
+            database, mended = _opened(cantools, path)
+        found += [Known(message, path.name, bus, mended) for message in database.messages]
     return found
+
+
+def _opened(cantools: Any, path: Path) -> tuple[Any, str]:
+    """The database, and what had to be put right in it."""
+    try:
+        return cantools.database.load_file(path, strict=False), ""
+    except cantools.database.UnsupportedDatabaseFormatError:
+        if path.suffix.lower() != ".dbc":
+            raise
+        text, said = dbc_text.mended(path.read_text("cp1252", "replace"))
+        try:
+            return cantools.database.load_string(text, "dbc", strict=False), "; ".join(said)
+        except cantools.database.UnsupportedDatabaseFormatError:
+            pass
+        raise
 
 
 def _bounded(path: Path) -> None:
