@@ -407,3 +407,15 @@ def test_a_file_that_may_not_be_read_is_one_line(tmp_path, monkeypatch, command)
     monkeypatch.setattr("roadlog.ingest.formats.ros.FORMAT", broken)
     said = refused(command, tmp_path, path)
     assert said == f"roadlog: {path}: cannot be read: Permission denied\n"
+
+
+@pytest.mark.parametrize("low", [1, 128])
+def test_bytes_that_are_no_text_are_no_table_with_a_profile_either(tmp_path, command, low):
+    data = np.random.default_rng(1).integers(low, 256, 20_000).astype(np.uint8)
+    data[::50], data[::7] = ord("\n"), ord(",")
+    (tmp_path / "p.toml").write_text(SPEED)
+    path = tmp_path / "drive.bin"
+    path.write_bytes(data.tobytes())
+    said = refused(command, tmp_path, path, "--profile", tmp_path / "p.toml")
+    assert "drive.bin: is of no known format" in said
+    assert said.isascii()

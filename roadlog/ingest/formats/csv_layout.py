@@ -30,6 +30,7 @@ DELIMITERS = "\t;,|"
 BLANK = " "
 SURE = 0.9  # share of lines that are rows of one width
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:e[+-]?\d+)?", re.IGNORECASE)
+_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x19\x1b\x1c\x7f]")  # of no text; 1A ends one in DOS
 _MOMENT = re.compile(r"\d{1,4}[-/.:]\d{1,2}[-/.:T ].*\d")
 NOTHING = frozenset(("", "-", "--", "na", "n/a", "null", "none", "nan", "inf", "-inf", "#n/a"))
 # units of quantities that are none of ours, and what stands where there is none
@@ -69,7 +70,8 @@ def layout(path: Path) -> Layout:
     encoding = _encoding(head)
     if not encoding.startswith("utf-16"):
         head = head.rstrip(b"\0")  # a block that a logger did not come to fill
-        if b"\0" in head:
+        strange = sum(byte > 127 for byte in head) if encoding == "cp1252" else 0
+        if _CONTROL.search(head) or 2 * strange > len(head):
             raise LogReadError(f"{path}: is no text table")
     lines = _lines(head, encoding)
     if not any(line.strip() and not _is_comment(line) for line, _ in lines):

@@ -1,8 +1,9 @@
 """DBC texts as many tools write them, put into the form that cantools reads.
 
-Of the 117 databases of opendbc (2026) 22 have one of these: 29-bit identifiers without bit 31, texts
-of values for signals that are gone or without their end, comments of a form of their own, `.25` for
-`0.25`, names that begin with a digit. None changes what a frame means; what was put right is said.
+Of the 117 databases of opendbc (2026) 22 have one of these: 29-bit identifiers without bit 31,
+texts of values for signals that are gone or without their end, comments of a form of their
+own, `.25` for `0.25`, names that begin with a digit. None changes what a frame means; what was put
+right is said.
 """
 
 from __future__ import annotations
