@@ -237,9 +237,15 @@ def _end(made: Report, out: str) -> None:
         f"{len(made.rows)} logs{before}: "
         + ", ".join(f"{count} {status}" for status, count in counts.items())
     )
-    if len(made.profile):
+    if made.profile.models:
         console.say(
-            f"road profile: {made.profile.length / 1000:.1f} km from {made.profile.drives} drives"
+            f"roads: {made.profile.length / 1000:.1f} km from "
+            f"{console.plural(made.profile.drives, 'drive')}"
+        )
+    if made.profile.left_out:
+        console.complain(
+            f"warning: the roads leave out {console.plural(made.profile.left_out, 'drive')}: "
+            f"more than memory holds"
         )
     console.say(f"{out.rstrip('/')}/index.html")
     losses = [

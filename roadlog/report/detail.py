@@ -10,15 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.details import FieldErrors, for_people
-from roadlog.drive import Drive
+from roadlog.drive import Drive, runs
 from roadlog.estimate import Estimate
 from roadlog.metrics import AngleErrors
-from roadlog.types import Floats
+from roadlog.types import Bools, Floats
+from roadlog.view import colors
 
 BUCKETS = 250  # of time; each gives a curve two points, its smallest and its largest value
 HISTOGRAM_LIMIT = 3.0  # deg; what is beyond counts in the outermost bins
 HISTOGRAM_STEP = 0.1  # deg
 MAX_EVENTS = 200
+MAX_SPANS = 100  # of an estimator without a valid value, and of stops
 ANGLE_DIGITS = 3  # of degrees
 POSITION_DIGITS = 6  # of degrees: 0.1 m
 
@@ -31,7 +33,11 @@ class Detail:
         self.edges: Floats = np.linspace(0.0, end, BUCKETS + 1)
         half = end / BUCKETS / 2
         self.time: Floats = np.multiply(np.arange(2 * BUCKETS) + 0.5, half)
+        self.distance = self._distance(drive)
+        self.stops = _spans(drive.time, drive.standstill)
         self.curves: dict[str, dict[str, list]] = {}
+        self.bands: dict[str, dict[str, list[list]]] = {}
+        self.invalid: dict[str, list[list[float]]] = {}
         self.errors: dict[str, dict[str, list]] = {}
         self.histograms: dict[str, dict[str, list[int]]] = {}
         self.fields: dict[str, dict[str, Any]] = {}
@@ -47,6 +53,14 @@ class Detail:
         name = estimate.name
         values = np.degrees(np.where(estimate.valid, estimate.angles[angle], np.nan))
         self.curves.setdefault(angle, {})[name] = self._thin(estimate.time, values)
+        self.invalid.setdefault(name, _spans(estimate.time, ~estimate.valid))
+        if angle in estimate.sd:
+            twice = 2 * np.degrees(estimate.sd[angle])
+            edges = [
+                self._each(np.fmin, estimate.time, values - twice),
+                self._each(np.fmax, estimate.time, values + twice),
+            ]
+            self.bands.setdefault(angle, {})[name] = [numbers(e, ANGLE_DIGITS) for e in edges]
         if errors is None or not errors.valid.any():
             return
         wrong = np.degrees(np.where(errors.valid, errors.error, np.nan))
@@ -75,7 +89,7 @@ class Detail:
             {
                 "estimator": name,
                 "columns": ["time", *columns],
-                "rows": [_numbers(row, 5) for row in rows[:MAX_EVENTS]],
+                "rows": [numbers(row, 5) for row in rows[:MAX_EVENTS]],
                 "left_out": max(0, len(rows) - MAX_EVENTS),
             }
         )
@@ -84,8 +98,14 @@ class Detail:
         """The page's data with the log's row, as JSON that may stand in a script element."""
         data = {
             "row": row,
-            "time": _numbers(self.time, 3),
+            "time": numbers(self.time, 3),
+            "distance": self.distance,
+            "colors": {k: f"#{v:06x}" for k, v in colors.colors(row["estimators"]).items()},
+            "truth_color": f"#{colors.TRUTH:06x}",
             "curves": self.curves,
+            "bands": self.bands,
+            "invalid": self.invalid,
+            "stops": self.stops,
             "errors": self.errors,
             "histograms": self.histograms,
             "fields": self.fields,
@@ -97,18 +117,28 @@ class Detail:
 
     def _thin(self, time: Floats, values: Floats) -> list[float | None]:
         """Two values a bucket, in the order in which they come; null where nothing is known."""
+        pairs = np.stack([self._each(reduce, time, values) for reduce in (np.fmin, np.fmax)], 1)
         cuts = np.searchsorted(time, self.edges)
-        first, last = cuts[:-1], cuts[1:]
-        some = np.flatnonzero(last > first)
-        pairs = np.full((BUCKETS, 2), np.nan)
+        some = np.flatnonzero(cuts[1:] > cuts[:-1])
+        falls = some[values[cuts[some]] > values[cuts[some + 1] - 1]]
+        pairs[falls] = pairs[falls, ::-1]
+        return numbers(pairs.ravel(), ANGLE_DIGITS)
+
+    def _each(self, reduce: np.ufunc, time: Floats, values: Floats) -> Floats:
+        """One value a bucket; NaN where nothing is known."""
+        cuts = np.searchsorted(time, self.edges)
+        some = np.flatnonzero(cuts[1:] > cuts[:-1])
+        result = np.full(BUCKETS, np.nan)
         if len(some):
-            inside = values[: last[some[-1]]]
-            starts = first[some]
-            pairs[some, 0] = np.fmin.reduceat(inside, starts)
-            pairs[some, 1] = np.fmax.reduceat(inside, starts)
-            falls = some[values[starts] > values[last[some] - 1]]
-            pairs[falls] = pairs[falls, ::-1]
-        return _numbers(pairs.ravel(), ANGLE_DIGITS)
+            result[some] = reduce.reduceat(values[: cuts[some[-1] + 1]], cuts[some])
+        return result
+
+    def _distance(self, drive: Drive) -> list[float | None] | None:
+        """m at the curves' times."""
+        if not drive.has_speed:
+            return None
+        way = np.cumsum(np.abs(np.nan_to_num(drive.speed))) * drive.dt
+        return numbers(np.interp(self.time, drive.time, way), 1)
 
     def _track(self, drive: Drive) -> dict[str, list] | None:
         if "gnss.latitude" not in drive or "gnss.longitude" not in drive:
@@ -119,8 +149,17 @@ class Detail:
             values = samples.columns[axis]
             known = np.isfinite(values)
             at = np.interp(self.time, samples.time[known], values[known], left=np.nan, right=np.nan)
-            track[axis] = _numbers(at, POSITION_DIGITS)
+            track[axis] = numbers(at, POSITION_DIGITS)
         return track
+
+
+def _spans(time: Floats, where: Bools) -> list[list[float]]:
+    """First and last time of each run, the longest MAX_SPANS of them in their order."""
+    found = sorted(runs(where), key=lambda run: run.start - run.stop)[:MAX_SPANS]
+    return [
+        [round(float(time[run.start]), 2), round(float(time[run.stop - 1]), 2)]
+        for run in sorted(found, key=lambda run: run.start)
+    ]
 
 
 def script_json(value: Any) -> str:
@@ -129,5 +168,6 @@ def script_json(value: Any) -> str:
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _numbers(values: Floats, digits: int) -> list[float | None]:
+def numbers(values: Floats, digits: int) -> list[float | None]:
+    """Rounded for JSON; None for what is no number."""
     return [None if value != value else value for value in np.round(values, digits).tolist()]

@@ -17,20 +17,22 @@ import numpy as np
 
 from roadlog.errors import ConfigError, MissingExtraError
 from roadlog.files import write
-from roadlog.report.detail import script_json
+from roadlog.report.detail import numbers, script_json
 from roadlog.report.row import STATUSES, Options
 from roadlog.report.table import Row
 from roadlog.signals import ANGLES
 from roadlog.version import __version__
+from roadlog.view import colors
 
 if TYPE_CHECKING:
     from roadlog.report.compare import Comparison
     from roadlog.report.road import RoadProfile
+    from roadlog.roads.model import RoadModel
 
 INDEX = "index.html"
 ASSETS = "assets"
 PAGE_LOGS = 20_000  # that the index holds; of more, what failed and the worst
-MAP_POINTS = 4000  # of the road profile; the table has them all
+SHOWN_ROADS, ROAD_POINTS = 60, 9000  # stretches, and points of them all; the table has the rest
 SHOWN_CHANGES = 200
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)  # of a ranking's RMSEs
 FIGURES = {"rmse": "rmse_deg", "bias": "bias_deg", "inside": "within_2sd", "valid": "valid_share"}
@@ -96,16 +98,17 @@ def write_index(
     ranked = ranking(rows)
     shown = _shown(rows, ranked)
     data = _data(shown, ranked, len(rows) - len(shown))
+    data["facts"] = _facts(rows)
     stretches = None
-    if profile is not None and len(profile):
-        data["roads_map"], stretches = _road_map(profile)
+    if profile is not None and profile.models:
+        data["stretches"], stretches = _roads(profile, shown), _roads_in_words(profile)
     page = _template("index.html.j2").render(
         made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         version=__version__,
         css=_text("report.css"),
         common=_text("common.js"),
         script=_text("index.js"),
-        facts=_facts(rows),
+        roads_script=_text("roads.js"),
         left_out=len(rows) - len(shown),
         shown=len(shown),
         total=len(rows),
@@ -150,6 +153,7 @@ def _data(rows: Sequence[Row], ranked: Mapping[str, list], left_out: int) -> dic
         "seconds": [row["seconds"].get("total") for row in rows],
         "warnings": [len(row["warnings"]) + len(row["losses"]) for row in rows],
     }
+    names = sorted({entry["estimator"] for entries in ranked.values() for entry in entries})
     metrics = []
     for angle, entries in ranked.items():
         for entry in entries:
@@ -165,33 +169,52 @@ def _data(rows: Sequence[Row], ranked: Mapping[str, list], left_out: int) -> dic
         "roads": roads,
         "metrics": metrics,
         "ranking": ranked,
+        "colors": {name: f"#{shade:06x}" for name, shade in colors.colors(names).items()},
         "left_out": left_out,
     }
 
 
-def _road_map(profile: RoadProfile) -> tuple[dict[str, Any], dict[str, Any]]:
-    every = -(-len(profile) // MAP_POINTS)
-    latitude, longitude = profile.latitude[::every], profile.longitude[::every]
-    percent, sd = 100 * np.tan(profile.grade[::every]), np.degrees(profile.sd[::every])
-    stretch, passes = profile.stretch[::every], profile.passes[::every]
-    text = [
-        f"stretch {k}: {g:+.1f} %, sd {s:.3f} deg, {n} passes"
-        for k, g, s, n in zip(stretch, percent, sd, passes, strict=True)
-    ]
-    points = {
-        "latitude": np.round(latitude, 6).tolist(),
-        "longitude": np.round(longitude, 6).tolist(),
-        "grade": np.round(percent, 2).tolist(),
-        "text": text,
-        "ratio": float(1 / np.cos(np.radians(latitude.mean()))),
+def _roads(profile: RoadProfile, rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """The longest stretches, thinned to POINTS in all; drives: of each, by their row."""
+    row_of = {row["log"]: k for k, row in enumerate(rows)}
+    models = profile.models[:SHOWN_ROADS]
+    every = -(-sum(map(len, models)) // ROAD_POINTS)
+    return [_road(model.thinned(every), row_of) for model in models]
+
+
+def _road(model: RoadModel, row_of: Mapping[str, int]) -> dict[str, Any]:
+    latitude, longitude = model.positions
+    columns = {
+        "s": (model.s, 0),
+        "latitude": (latitude, 6),
+        "longitude": (longitude, 6),
+        "grade": (np.degrees(model.grade), 3),
+        "grade_sd": (np.degrees(model.grade_sd), 3),
+        "bank": (np.degrees(model.bank), 3),
+        "bank_sd": (np.degrees(model.bank_sd), 3),
+        "z": (model.z, 2),
+        "z_sd": (model.z_sd, 2),
     }
-    about = {
+    return {
+        "name": model.name,
+        "length": round(model.length),
+        "ways": "both directions" if model.both_ways else "one direction",
+        "drives": [row_of[name] for name in model.sources if name in row_of],
+        "count": model.drives,
+        "passes": model.passes.tolist(),
+        "notes": list(model.notes),
+        **{name: numbers(values, digits) for name, (values, digits) in columns.items()},
+    }
+
+
+def _roads_in_words(profile: RoadProfile) -> dict[str, Any]:
+    return {
         "length_km": f"{profile.length / 1000:.1f}",
-        "count": len(np.unique(profile.stretch)),
-        "passes": profile.drives,
-        "thinned": every if every > 1 else 0,
+        "count": len(profile.models),
+        "shown": min(len(profile.models), SHOWN_ROADS),
+        "drives": profile.drives,
+        "left_out": profile.left_out,
     }
-    return points, about
 
 
 def _facts(rows: Sequence[Row]) -> list[tuple[str, str, str]]:
@@ -265,7 +288,7 @@ def _unicode(text: str) -> str:
 
 
 def _scaled(value: float | None, factor: float) -> float | None:
-    return None if value is None else round(value * factor, 3)
+    return None if value is None else round(value * factor, 6)
 
 
 def _short(value: float | None) -> float | None:

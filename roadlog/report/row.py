@@ -27,8 +27,8 @@ from roadlog.estimate import Estimate
 from roadlog.log import DriveLog
 from roadlog.metrics import DEFAULT_SKIP, angle_errors, angle_metrics
 from roadlog.report.detail import Detail
-from roadlog.report.road import Pass, pass_of
 from roadlog.report.sources import Source, local_copy, put_back
+from roadlog.roads.passes import Pass, pass_of
 from roadlog.signals import ANGLES, FLAGS, INPUTS, TRUTH_TOPIC
 from roadlog.storage import Table
 from roadlog.version import __version__
@@ -36,6 +36,7 @@ from roadlog.version import __version__
 STATUSES = ("ok", "failed", "crashed")
 MAX_MESSAGE = 500  # characters of an error kept in a row
 DIGITS = 6  # significant, of figures in a row
+PREFERRED = "fusion"  # whose grade and bank make the roads, where it ran
 CELL = 0.1  # deg of latitude and longitude that name where a drive was
 
 
@@ -128,6 +129,7 @@ def empty_row(source: Source, options: Options) -> dict[str, Any]:
         "run_time_s": {},
         "cannot_run": {},
         "warnings": [],
+        "notes": [],
         "losses": [],
         "seconds": {},
         "peak_memory_mb": None,
@@ -213,7 +215,7 @@ def _work_on(path: Path, source: Source, options: Options, work: _Work) -> None:
         finally:
             seconds["estimate"] += time.perf_counter() - clock
         clock = time.perf_counter()
-        _reduce(estimate, drive, truth, work)
+        _reduce(estimate, drive, opened.vehicle, truth, work)
         _reduce_details(estimate, opened.true_details, work)
         if options.write_back:
             work.kept.append(estimate)
@@ -272,7 +274,9 @@ def _facts(drive: Drive, metadata: Mapping[str, Mapping[str, str]]) -> dict[str,
     }
 
 
-def _reduce(estimate: Estimate, drive: Drive, truth: Estimate | None, work: _Work) -> None:
+def _reduce(
+    estimate: Estimate, drive: Drive, vehicle: Vehicle, truth: Estimate | None, work: _Work
+) -> None:
     """Put the figures, curves and pass of one estimate where they belong, and forget it."""
     row, name = work.row, estimate.name
     usable = estimate.valid
@@ -284,7 +288,7 @@ def _reduce(estimate: Estimate, drive: Drive, truth: Estimate | None, work: _Wor
         if (share := float((estimate.flags & bit > 0).mean()))
     }
     for note in estimate.notes:
-        row["warnings"].append(f"{name}: {note}")
+        row["notes"].append(f"{name}: {note}")
     figures: dict[str, Any] = {}
     for angle in (a for a in ANGLES if a in estimate.known):
         errors = None if truth is None else angle_errors(estimate, truth, angle, DEFAULT_SKIP)
@@ -303,8 +307,16 @@ def _reduce(estimate: Estimate, drive: Drive, truth: Estimate | None, work: _Wor
             row["stops"] = max(row["stops"] or 0, (len(events.time) + 1) // 2)
         if work.detail is not None:
             work.detail.add_events(name, events.time, events.columns)
-    if work.passes is None:
-        work.passes = pass_of(drive, estimate)
+    if _says_more(estimate, work.passes):
+        work.passes = pass_of(drive, estimate, vehicle, row["log"]) or work.passes
+
+
+def _says_more(estimate: Estimate, road: Pass | None) -> bool:
+    """Whether an estimate's pass is to be had rather than the one at hand."""
+    if road is None or estimate.name == PREFERRED:
+        return True
+    has_bank = bool(np.isfinite(road.bank).any())
+    return road.estimator != PREFERRED and not has_bank and "bank" in estimate.known
 
 
 def _reduce_details(estimate: Estimate, truths: Mapping[str, Channel], work: _Work) -> None:

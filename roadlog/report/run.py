@@ -14,7 +14,7 @@ from roadlog.files import scratch, write
 from roadlog.report import page, schema, table
 from roadlog.report.batch import Engine, Outcome, WorkerDiedError, map_logs
 from roadlog.report.compare import COMPARISON, Comparison, compare
-from roadlog.report.road import Pass, RoadMerger, RoadProfile
+from roadlog.report.road import RoadProfile, merged
 from roadlog.report.row import (
     LogResult,
     Options,
@@ -25,16 +25,17 @@ from roadlog.report.row import (
 )
 from roadlog.report.sources import Source, download_report, is_remote, names_below, upload_report
 from roadlog.report.table import Row
+from roadlog.roads.passes import Pass
 
 DETAILS = "details"
 PASSES = "passes"
-ROAD_PROFILE = "road_profile.parquet"
+ROAD_PROFILE = "road_profile"  # .csv and .parquet
 OPTIONS = "options.json"  # what the rows were made with
 MARKER = ".roadlog-report"  # says that a folder is ours
 MARKED = "A report of roadlog: it may replace what is in this folder.\n"
-OURS = frozenset(
-    [DETAILS, PASSES, ROAD_PROFILE, OPTIONS, table.ROWS, page.INDEX, page.ASSETS, COMPARISON]
-).union(stem + suffix for stem in table.STEMS for suffix in (".csv", ".parquet"))
+OURS = frozenset([DETAILS, PASSES, OPTIONS, table.ROWS, page.INDEX, page.ASSETS, COMPARISON]).union(
+    s + suffix for s in (*table.STEMS, ROAD_PROFILE) for suffix in (".csv", ".parquet")
+)
 
 
 @dataclass(frozen=True)
@@ -144,7 +145,7 @@ def finish(
     comparison = compare(rows, read_report(against), against, threshold) if against else None
     try:
         table.write_tables(folder, rows)
-        profile = _merge_passes(folder, rows)
+        profile = merged(_passes(folder, rows))
         profile.write(folder / ROAD_PROFILE)
         if comparison is not None:
             comparison.write(folder)
@@ -225,11 +226,9 @@ def _forget(folder: Path, keep: dict[str, Row]) -> None:
         (folder / PASSES / f"{detail_name(url)}.npz").unlink(missing_ok=True)
 
 
-def _merge_passes(folder: Path, rows: Sequence[Row]) -> RoadProfile:
+def _passes(folder: Path, rows: Sequence[Row]) -> Iterator[Pass]:
     """Every pass of the report's logs, in the order of their paths."""
-    merger = RoadMerger()
     for row in rows:
         path = folder / PASSES / f"{detail_name(row['log'])}.npz"
         if path.exists():
-            merger.add(Pass.from_bytes(path.read_bytes()))
-    return merger.profile()
+            yield Pass.from_bytes(path.read_bytes())

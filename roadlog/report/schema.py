@@ -29,6 +29,7 @@ def check_row(row: Any) -> None:
     """Raise ValueError with the place where a row is not what `report.row` makes."""
     if not isinstance(row, dict):
         raise ValueError("is no object")
+    row.setdefault("notes", [])  # which version 0.1.0 counted among the warnings
     for name, check in _ROW.items():
         if name not in row:
             raise ValueError(f"has no {name}")
@@ -121,7 +122,7 @@ _ROW: Mapping[str, Check] = {
         _text,
     ),
     **dict.fromkeys(("size", "stops", "duration_s", "distance_m", "peak_memory_mb"), _some),
-    **dict.fromkeys(("estimators", "warnings", "losses"), _texts),
+    **dict.fromkeys(("estimators", "warnings", "notes", "losses"), _texts),
     **dict.fromkeys(("grade", "bank"), _maybe(_statistics)),
     **dict.fromkeys(("run_time_s", "seconds"), _numbers),
     "status": _status,

@@ -93,8 +93,7 @@ def _wide(row: Row, pairs: Iterable[tuple[str, str]]) -> Row:
     wide = {name: row[name] for name in FACTS}
     wide["estimators"] = " ".join(row["estimators"])
     wide |= {f"seconds.{k}": row["seconds"].get(k) for k in ("read", "estimate", "total")}
-    wide["warnings"] = "; ".join(row["warnings"])
-    wide["losses"] = "; ".join(row["losses"])
+    wide |= {name: "; ".join(row[name]) for name in ("warnings", "losses")}
     for angle in ("grade", "bank"):
         found = row[angle] or {}
         wide |= {f"{angle}.{name}": found.get(name) for name in ("estimator", *STATISTICS)}

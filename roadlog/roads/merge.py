@@ -206,7 +206,7 @@ def _combined(line: RoadModel, laid: Sequence[_Laid], owners: Sequence[Pass]) ->
     z, z_sd = _heights(line, laid, owners, grade.value)
     slope = np.arctan(grade.value)
     both = any(w.track.run.forward for w in laid) and not all(w.track.run.forward for w in laid)
-    drives = {own.name or str(id(own)) for own in owners}
+    drives = len({own.name or str(id(own)) for own in owners})
     return replace(
         line,
         z=z,
@@ -218,7 +218,8 @@ def _combined(line: RoadModel, laid: Sequence[_Laid], owners: Sequence[Pass]) ->
         bank_sd=np.hypot(bank.sd, _moved(line, passes, bank_tangent)),
         bank_common_sd=bank.common_sd,
         passes=passes,
-        drives=len(drives),
+        drives=drives,
+        sources=tuple(sorted({own.name for own in owners if own.name})),
         both_ways=both,
         notes=_notes(cars, grade, bank, both, sides),
     )

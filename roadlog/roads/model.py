@@ -25,8 +25,8 @@ class RoadModel:
     counterclockwise from east; curvature: 1/m, left +. grade: rad, uphill along s +; bank: rad,
     right side down + as seen along s; NaN where unknown. *_sd: rad or m, one standard deviation in
     all; *_common_sd: the part of it that all drives of one car share, so that more of them do not
-    lessen it. passes: how many drives lie behind each point. drives: in all. both_ways: driven in
-    both directions. datum: what z refers to.
+    lessen it. passes: how many drives lie behind each point. drives: in all. sources: their names.
+    both_ways: driven in both directions. datum: what z refers to.
     """
 
     name: str
@@ -46,6 +46,7 @@ class RoadModel:
     bank_common_sd: Floats
     passes: NDArray[np.int64]
     drives: int = 0
+    sources: tuple[str, ...] = field(default=())
     both_ways: bool = False
     datum: str = UNKNOWN_DATUM
     notes: tuple[str, ...] = field(default=())
@@ -148,6 +149,11 @@ class RoadModel:
             )
         part: dict[str, Any] = {name: column[inside] for name, column in self.columns().items()}
         return replace(self, **part)
+
+    def thinned(self, every: int) -> RoadModel:
+        """Every so many-th point, and the last."""
+        kept = np.union1d(np.arange(0, len(self.s), every), [len(self.s) - 1])
+        return replace(self, **{name: column[kept] for name, column in self.columns().items()})
 
     def reversed(self) -> RoadModel:
         """The same road against its direction: grade, bank and curvature change their signs."""

@@ -325,18 +325,23 @@ def _chained(found: list[Stretch], single: dict[tuple[int, int], tuple[int, int]
 def _connected(chain: list[tuple[Stretch, bool]]) -> Stretch:
     columns: dict[str, list[Floats]] = {"latitude": [], "longitude": [], "course": []}
     members: list[Run] = []
+    begin = 0
     for stretch, forward in chain:
         way = slice(None, None, 1 if forward else -1)
         columns["latitude"].append(stretch.latitude[way])
         columns["longitude"].append(stretch.longitude[way])
         columns["course"].append(stretch.course[way] + (0.0 if forward else np.pi))
-        members += [Run(r.owner, r.points, r.forward == forward, r.nodes) for r in stretch.runs]
+        last = len(stretch.latitude) - 1
+        for run in stretch.runs:
+            first, end = (begin + (n if forward else last - n) for n in run.nodes)
+            members.append(Run(run.owner, run.points, run.forward == forward, (first, end)))
+        begin += last + 1
     latitude, longitude, course = (np.concatenate(c) for c in columns.values())
     return Stretch(latitude, longitude, course, _merged(members))
 
 
 def _merged(members: list[Run]) -> list[Run]:
-    """Runs of one drive that follow each other are one."""
+    """Runs of one drive that follow each other are one; a lap that begins anew is its own."""
     result: list[Run] = []
     for run in sorted(members, key=lambda r: (r.owner, int(r.points[0]))):
         last = result[-1] if result else None
@@ -345,6 +350,7 @@ def _merged(members: list[Run]) -> list[Run]:
             and last.owner == run.owner
             and last.forward == run.forward
             and 0 < run.points[0] - last.points[-1] <= JUMP / STEP
+            and (run.nodes[0] - last.nodes[1]) * (1 if run.forward else -1) >= -BEHIND
         ):
             points = np.concatenate([last.points, run.points])
             result[-1] = Run(run.owner, points, run.forward, (last.nodes[0], run.nodes[1]))

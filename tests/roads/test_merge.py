@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.mountain_road import HOME, driven, errors, mountain_road
@@ -134,3 +136,27 @@ def test_passes_go_through_a_file(road: RoadModel) -> None:
     assert again.car == one.car
     np.testing.assert_allclose(again.latitude, one.latitude, atol=1e-12)
     np.testing.assert_allclose(again.bank, one.bank, atol=1e-6)
+
+
+def test_a_sure_drive_outweighs_an_unsure_one(road: RoadModel) -> None:
+    unsure = driven(road, 1, shape=np.radians(2.0))
+    found = merged([unsure, driven(road, 2, shape=np.radians(0.05))])
+    assert rms_deg(errors(found, road)["grade"]) < 0.2
+
+
+def test_disagreement_makes_the_sd_larger(road: RoadModel) -> None:
+    passes = [driven(road, k) for k in range(2)]
+    waves = np.radians(1.0) * np.sin(passes[1].distance / 30)
+    wrong = replace(passes[1], grade=passes[1].grade + waves)
+    agreed, disagreed = merged(passes), merged([passes[0], wrong])
+    assert np.median(disagreed.grade_sd) > 4 * np.median(agreed.grade_sd)
+
+
+def test_laps_of_one_drive_are_passes_of_one_road() -> None:
+    turn = np.linspace(0.0, 10 * np.pi, 2001)
+    radius = 2000.0 / (2 * np.pi)
+    x, y = radius * np.cos(turn), radius * np.sin(turn)
+    lap = road_of("lap", HOME, x, y, np.zeros(len(x)), bank=np.zeros(len(x)))
+    (found,) = roads([driven(lap, 9)])
+    assert abs(found.length - 2000.0) <= 30.0
+    assert np.median(found.passes) == 5

@@ -26,29 +26,77 @@ function showFacts() {
   byId("message").textContent = row.message;
 }
 
-function showCurves(angle) {
+const colorOf = (name) => data.colors[name] || data.truth_color;
+const overDistance = () => byId("over").value === "distance";
+
+function along() {
+  return overDistance() ? data.distance : time;
+}
+
+// An abscissa of a time in s.
+function abscissa(at) {
+  if (!overDistance()) return at;
+  let k = 0;
+  while (k < time.length - 1 && time[k] < at) k += 1;
+  return data.distance[k];
+}
+
+// Spans over the whole height, or a strip at the foot of it.
+function marks(spans, height, color) {
+  return spans.map(([from, to]) => ({
+    type: "rect", xref: "x", yref: "paper", x0: abscissa(from), x1: abscissa(to), y0: 0, y1: height,
+    fillcolor: color, line: { width: 0 }, layer: "below",
+  }));
+}
+
+function showCurves(angle, chosen) {
   const names = ranked(angle);
-  const color = (k) => COLORS[k % COLORS.length];
+  const x = along();
+  const middles = x.filter((_, k) => k % 2 === 0);
+  const truth = data.curves[angle]?.truth;
+  const errors = data.errors[angle];
+  const shown = (k) => (k < VISIBLE ? true : "legendonly");
+  const best = names.slice(0, VISIBLE);
+  const room = reach([...best.map((name) => data.curves[angle][name]), ...(truth ? [truth] : [])]);
+  const errorRoom = errors ? reach(best.filter((name) => errors[name]).map((name) => errors[name])) : [0, 0];
   const traces = names.flatMap((name, k) => {
-    const line = { x: time, name: plain(name), legendgroup: name, mode: "lines", line: { width: 1.3, color: color(k) },
-      visible: k < VISIBLE ? true : "legendonly" };
-    const made = [{ ...line, y: data.curves[angle][name] }];
-    const errors = data.errors[angle]?.[name];
-    if (errors) made.push({ ...line, y: errors, yaxis: "y2", showlegend: false });
+    const edges = data.bands[angle]?.[name];
+    const about = { name: plain(name) + " ±2 sd", legendgroup: name, visible: shown(k) };
+    if (!edges) return [];
+    const made = [band(middles, within(edges[0], room), within(edges[1], room), colorOf(name), about)];
+    if (errors?.[name]) {
+      const half = edges[0].map((low, j) => (low === null ? null : (edges[1][j] - low) / 2));
+      made.push(band(middles, within(half.map((v) => (v === null ? null : -v)), errorRoom), within(half, errorRoom),
+        colorOf(name), { ...about, yaxis: "y2" }));
+    }
     return made;
   });
-  const truth = data.curves[angle]?.truth;
   if (truth) {
-    traces.push({ x: time, y: truth, name: "truth", mode: "lines", line: { width: 2, color: "#8a929a" } });
+    traces.push({ x, y: truth, name: "truth", mode: "lines", line: { width: 3, color: data.truth_color } });
   }
-  const hasErrors = Boolean(data.errors[angle]);
+  names.slice().reverse().forEach((name) => { // the best lies on top
+    const k = names.indexOf(name);
+    const line = { x, name: plain(name), legendgroup: name, mode: "lines", line: { width: 1.3, color: colorOf(name) },
+      visible: shown(k), legendrank: k };
+    traces.push({ ...line, y: data.curves[angle][name] });
+    if (errors?.[name]) traces.push({ ...line, y: errors[name], yaxis: "y2", showlegend: false });
+  });
   draw("curves", traces, {
     height: 560, hovermode: "x unified",
-    xaxis: { title: { text: "time, s" }, anchor: hasErrors ? "y2" : "y" },
-    yaxis: { title: { text: plain(angle) + ", " + unit(angle) }, domain: hasErrors ? [0.42, 1] : [0, 1] },
-    yaxis2: hasErrors ? { title: { text: "error, " + unit(angle) }, domain: [0, 0.36] } : undefined,
+    shapes: [...marks(data.invalid[chosen] || [], 1, "rgba(128,128,128,.18)"),
+      ...(overDistance() ? [] : marks(data.stops, 0.012, "#888888"))],
+    xaxis: { title: { text: overDistance() ? "distance, m" : "time, s" }, anchor: errors ? "y2" : "y" },
+    yaxis: { title: { text: plain(angle) + ", " + unit(angle) }, domain: errors ? [0.42, 1] : [0, 1] },
+    yaxis2: errors ? { title: { text: "error, " + unit(angle) }, domain: [0, 0.36] } : undefined,
     legend: { orientation: "h", y: 1.02, yanchor: "bottom" },
   });
+  const parts = [];
+  if (Object.keys(data.bands[angle] || {}).length) {
+    parts.push("Bands: ±2 sd of each estimate, about 0 on the errors; cut where they would flatten the curves.");
+  }
+  if ((data.invalid[chosen] || []).length) parts.push("Gray: " + chosen + " does not vouch for its value.");
+  if (data.stops.length && !overDistance()) parts.push("Bars at the foot: stops.");
+  byId("reading").textContent = parts.join(" ");
 }
 
 function showHistogram(angle) {
@@ -58,7 +106,7 @@ function showHistogram(angle) {
   const traces = names.map((name, k) => {
     const total = found[name].reduce((sum, n) => sum + n, 0);
     return { x: found[name].map((_, bin) => -limit + (bin + 0.5) * step), y: found[name].map((n) => n / total),
-      name: plain(name), mode: "lines", line: { shape: "hvh", width: 1.3, color: COLORS[k % COLORS.length] },
+      name: plain(name), mode: "lines", line: { shape: "hvh", width: 1.3, color: colorOf(name) },
       visible: k < VISIBLE ? true : "legendonly" };
   });
   draw("histogram", traces, {
@@ -90,7 +138,7 @@ function showMap(angle, name) {
 function table(columns, rows, textColumns) {
   const made = element("table");
   const head = made.createTHead().insertRow();
-  columns.forEach((title, k) => head.append(element("th", title, k < textColumns ? "text" : "")));
+  columns.forEach((title, k) => head.append(heading(title, k < textColumns ? "text" : "")));
   const body = made.createTBody();
   for (const cells of rows) {
     const line = body.insertRow();
@@ -105,8 +153,8 @@ function showFigures() {
     return [angle.replace("_", " "), name, figure(m.rmse_deg), figure(m.bias_deg), figure(m.mae_deg), figure(m.p95_deg),
       figure(m.max_deg), percent(m.within_2sd), figure(m.nees, 2), percent(m.valid_share), figure(row.run_time_s[name], 2)];
   }));
-  byId("figures").replaceChildren(table(
-    ["angle", "estimator", "RMSE", "mean", "MAE", "95 %", "max", "in 2 sd", "NEES", "valid", "took s"], rows, 2));
+  const columns = ["angle", "estimator", "RMSE", "mean", "MAE", "95 %", "max", "in 2 sd", "NEES", "valid", "took s"];
+  byId("figures").replaceChildren(table(columns, rows, 2), glossary(columns));
   const further = fields.flatMap((field) => ranked(field).map((name) => {
     const m = row.details[name][field];
     const shown = [m.rmse, m.bias, m.mae, m.p95, m.max, m.spread];
@@ -126,9 +174,11 @@ function showEvents() {
   byId("events").replaceChildren(...(parts.length ? parts : [element("p", "none", "soft")]));
 }
 
-function showWarnings() {
-  const texts = [...row.losses, ...row.warnings, ...Object.entries(row.cannot_run).map(([n, why]) => n + " cannot run: " + why)];
-  byId("warnings").replaceChildren(...texts.map((text) => element("li", text)));
+function showTexts() {
+  const list = (id, texts) => byId(id).replaceChildren(
+    ...(texts.length ? texts : ["none"]).map((text) => element("li", text, texts.length ? "" : "soft")));
+  list("warnings", [...row.losses, ...row.warnings]);
+  list("notes", [...row.notes, ...Object.entries(row.cannot_run).map(([name, why]) => name + " cannot run: " + why)]);
   if (row.traceback) byId("warnings").append(element("pre", row.traceback));
 }
 
@@ -137,18 +187,24 @@ function update() {
   const names = ranked(angle);
   const before = byId("estimator").value;
   fill(byId("estimator"), names.map((name) => [name, name]), names.includes(before) ? before : names[0]);
-  showCurves(angle);
   showHistogram(angle);
-  showMap(angle, byId("estimator").value);
+  showChosen();
+}
+
+function showChosen() {
+  showCurves(byId("angle").value, byId("estimator").value);
+  showMap(byId("angle").value, byId("estimator").value);
 }
 
 const names = [...angles.map((a) => [a, a.replace("_", " ")]), ...fields.map((f) => [f, f])];
 fill(byId("angle"), names, names[0]?.[0]);
+fill(byId("over"), [["time", "time"], ...(data.distance ? [["distance", "distance"]] : [])], "time");
 byId("angle").onchange = update;
-byId("estimator").onchange = () => showMap(byId("angle").value, byId("estimator").value);
+byId("estimator").onchange = showChosen;
+byId("over").onchange = showChosen;
 dark.addEventListener("change", update);
 showFacts();
 showFigures();
 showEvents();
-showWarnings();
-if (angles.length) update();
+showTexts();
+if (names.length) update();

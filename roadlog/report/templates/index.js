@@ -70,7 +70,7 @@ function rank(rows) {
 function plainTable(columns, rows) {
   const table = element("table");
   const head = table.createTHead().insertRow();
-  for (const [title, isText] of columns) head.append(element("th", title, isText ? "text" : ""));
+  for (const [title, isText] of columns) head.append(heading(title, isText ? "text" : ""));
   const body = table.createTBody();
   for (const cells of rows) {
     const line = body.insertRow();
@@ -79,20 +79,33 @@ function plainTable(columns, rows) {
   return table;
 }
 
+// Facts of the chosen drives; those of all where the page holds not all.
+function showFacts(rows) {
+  const sum = (values) => rows.reduce((total, row) => total + (values[row] || 0), 0);
+  const with_ = (status) => rows.filter((row) => logs.status[row] === status).length;
+  const counted = isFiltered() || !data.left_out ? [
+    [rows.length, "logs", ""], ...STATUSES.map((name, k) => [with_(k), name, k && with_(k) ? "bad" : ""]),
+    [(sum(logs.duration) / 3600).toFixed(1), "hours", ""], [sum(logs.distance).toFixed(1), "km", ""],
+  ] : data.facts;
+  byId("facts").replaceChildren(...counted.map(([value, name, kind]) => {
+    const box = element("div", undefined, kind);
+    box.append(element("b", String(value)), name);
+    return box;
+  }));
+}
+
+const RANKED = [["estimator", true], ["logs"], ["RMSE median"], ["5 %"], ["95 %"], ["in 2 sd"], ["valid"]];
+
 function showRanking(ranked) {
-  byId("ranking").replaceChildren(plainTable(
-    [["estimator", true], ["logs"], ["RMSE median"], ["5 %"], ["95 %"], ["in 2 sd"], ["valid"]],
-    ranked.map((r) => [r.estimator, String(r.logs), figure(r.rmse[2]), figure(r.rmse[0]), figure(r.rmse[4]),
-      percent(r.inside), percent(r.valid)]),
-  ));
+  byId("ranking").replaceChildren(plainTable(RANKED, ranked.map((r) => [r.estimator, String(r.logs), figure(r.rmse[2]), figure(r.rmse[0]), figure(r.rmse[4]),
+      percent(r.inside), percent(r.valid)])), glossary(RANKED.map(([title]) => title)));
   const shown = ranked.filter((r) => Number.isFinite(r.rmse[2])).reverse();
-  const at = (k) => shown.map((r) => r.rmse[k]);
-  draw("distribution", [{
-    type: "box", orientation: "h", y: shown.map((r) => plain(r.estimator)), q1: at(1), median: at(2), q3: at(3),
-    lowerfence: at(0), upperfence: at(4), marker: { color: COLORS[0] }, hoverinfo: "x",
-  }], {
+  draw("distribution", shown.map((r) => ({
+    type: "box", orientation: "h", y: [plain(r.estimator)], q1: [r.rmse[1]], median: [r.rmse[2]], q3: [r.rmse[3]],
+    lowerfence: [r.rmse[0]], upperfence: [r.rmse[4]], marker: { color: data.colors[r.estimator] }, hoverinfo: "x",
+  })), {
     height: Math.max(320, 60 + 24 * shown.length), showlegend: false,
-    xaxis: { title: { text: "RMSE of " + state.angle.replace("_", " ") + ", deg; box 25–75 %, whiskers 5–95 %" }, rangemode: "tozero" },
+    xaxis: { title: { text: "RMSE of " + state.angle.replace("_", " ") + ", deg<br>box 25–75 %, whiskers 5–95 %" }, rangemode: "tozero" },
     yaxis: { type: "category" },
   });
 }
@@ -130,6 +143,7 @@ function logCell(row) {
     cell.textContent = logs.name[row];
   }
   cell.title = logs.log[row];
+  cell.classList.add("name");
   return cell;
 }
 
@@ -170,7 +184,8 @@ function showDrives(rows, estimator) {
     const head = table.createTHead().insertRow();
     for (const c of columns) {
       const th = element("th", undefined, c.text ? "text" : "");
-      const button = element("button", c.title);
+      const button = element("button");
+      button.append(term(c.title));
       button.type = "button";
       button.onclick = () => {
         state.down = state.sort === c.key ? !state.down : !c.text;
@@ -202,7 +217,21 @@ function showFailures(rows) {
       page.map((row) => ["", STATUSES[logs.status[row]], logs.message[row]]));
     page.forEach((row, k) => table.tBodies[0].rows[k].cells[0].replaceWith(logCell(row)));
     return table;
-  }) : element("p", "none", "soft"));
+  }) : element("p", isFiltered() ? "none of the chosen drives" : "none", "soft"));
+}
+
+// Lines of the comparison of drives that are chosen; all where the page does not hold the drive.
+function showComparison(rows) {
+  if (!byId("comparison")) return;
+  const present = new Set(logs.name);
+  const chosen = new Set(rows.map((row) => logs.name[row]));
+  const lines = [...byId("comparison").tBodies[0].rows];
+  for (const line of lines) {
+    const name = line.cells[0].textContent;
+    line.hidden = isFiltered() && (present.has(name) ? !chosen.has(name) : true);
+  }
+  const left = lines.filter((line) => !line.hidden).length;
+  byId("compared").textContent = isFiltered() ? left + " of " + lines.length + " changes are of the chosen drives." : "";
 }
 
 function update() {
@@ -212,24 +241,12 @@ function update() {
   fill(byId("estimator"), [["", "best ranked" + (best ? " (" + best + ")" : "")], ...names.filter(
     (name) => pairs.has(name + " " + state.angle)).map((name) => [name, name])], state.estimator);
   if (byId("estimator").value !== state.estimator) state.estimator = byId("estimator").value = "";
+  showFacts(rows);
   showRanking(ranked);
   showDrives(rows, state.estimator || best);
   showFailures(rows);
-}
-
-function showRoads() {
-  const roads = data.roads_map;
-  if (!roads) return;
-  draw("roads", [{
-    type: "scatter", mode: "markers", x: roads.longitude, y: roads.latitude,
-    text: roads.text, hoverinfo: "text",
-    marker: { size: 5, color: roads.grade, colorscale: "RdBu", reversescale: false, cmid: 0,
-      colorbar: { title: { text: "grade, %" }, thickness: 12 } },
-  }], {
-    showlegend: false,
-    xaxis: { title: { text: "longitude, deg" } },
-    yaxis: { title: { text: "latitude, deg" }, scaleanchor: "x", scaleratio: roads.ratio },
-  });
+  showRoads(rows);
+  showComparison(rows);
 }
 
 fill(byId("angle"), angles.map((a) => [a, a.replace("_", " ")]), state.angle);
@@ -245,7 +262,6 @@ byId("reset").onclick = () => {
   Object.assign(state, { estimator: "", sort: "rmse", down: true });
   update();
 };
-dark.addEventListener("change", () => { update(); showRoads(); });
+dark.addEventListener("change", update);
 update();
 performance.mark("rows"); // from here on a reader can work, while the plots are still to come
-showRoads();

@@ -46,14 +46,21 @@ def columns(model: RoadModel) -> dict[str, NDArray]:
 
 def to_bytes(model: RoadModel, ending: str) -> bytes:
     """The table, as CSV or Parquet."""
-    table = columns(model)
+    return content(columns(model), ending, {"name": model.name, "datum": model.datum})
+
+
+def content(table: dict[str, NDArray], ending: str, about: dict[str, str] | None = None) -> bytes:
+    """Columns of roads as CSV or Parquet; about: of Parquet's own metadata."""
     if ending == ".parquet":
         pa, parquet = _pyarrow()
-        made = pa.table(table).replace_schema_metadata({"name": model.name, "datum": model.datum})
+        made = pa.table(table).replace_schema_metadata(about)
         sink = pa.BufferOutputStream()
         parquet.write_table(made, sink, compression="zstd")
         return bytes(sink.getvalue())
-    digits = {"latitude_deg": "%.9f", "longitude_deg": "%.9f", "passes": "%d"}
+    if not table:
+        return b""
+    digits = dict.fromkeys(("stretch", "passes"), "%d")
+    digits |= {"latitude_deg": "%.9f", "longitude_deg": "%.9f"}
     formats = [digits.get(name, "%.6f" if name.endswith("_m") else "%.9g") for name in table]
     text = io.StringIO()
     rows = np.stack([np.asarray(c, np.float64) for c in table.values()], axis=1)
