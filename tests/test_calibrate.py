@@ -12,6 +12,7 @@ from support.turned_imu import IMU_DELAY, away, turned
 
 from roadlog import estimators
 from roadlog.calibrate import calibrate
+from roadlog.calibrate.dynamics import dynamics
 from roadlog.calibrate.finding import Finding, combined, jackknife, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.suspension import ROLL_MODE
@@ -135,6 +136,45 @@ def test_slalom_tells_the_roll_gradient() -> None:
     response = float(force @ band_pass(roll, band, drive.rate) / (force @ force))
     value = finding.value or 0.0
     assert value * (1 - G * value) == pytest.approx(response, rel=0.02)
+
+
+def test_quick_steering_tells_roll_and_yaw_dynamics() -> None:
+    """Against the data sheet, and by what they are worth: the bank on laps."""
+    names = ("roll_stiffness", "roll_damping", "roll_inertia", "yaw_inertia")
+    simulation = simulated("ryu2004-chirp", seed=1)
+    sheet = simulation.vehicle
+    bare = sheet.with_values("default", **{name: getattr(Vehicle(), name) for name in names})
+    drive = Drive.from_tables(simulation.tables)
+    found = {f.name: f for f in dynamics(drive, bare)}
+    assert set(found) == set(names)
+    for name, finding in found.items():
+        assert finding.identifiable, finding.reason
+        error = finding.value - getattr(sheet, name)  # type: ignore[operator]
+        assert abs(error) < 2 * finding.sd, name  # type: ignore[operator]
+        assert finding.sd < 0.25 * finding.value, name  # type: ignore[operator]
+    values = {name: f.value for name, f in found.items()}
+    laps = simulated("ryu2004-laps", seed=7)
+    own, truth = Drive.from_tables(laps.tables), laps.table("/truth/angles")
+    true = np.interp(own.time_ns, truth.time, truth.columns["bank"])
+    rmse = {}
+    for name, car in (("bare", bare), ("found", bare.with_values("calibrated", **values))):
+        bank = estimators.run("roll_bank_obs", own, car).bank
+        rmse[name] = np.degrees(np.sqrt(np.nanmean((bank - true)[own.time > 5.0] ** 2)))
+    assert rmse["found"] < 0.5 * rmse["bare"]
+
+
+def test_slow_turning_and_one_antenna_do_not_tell_them() -> None:
+    slalom = simulated("ryu2004-slalom", seed=3)
+    found = {f.name: f for f in dynamics(Drive.from_tables(slalom.tables), slalom.vehicle)}
+    assert found["roll_stiffness"].value == pytest.approx(76.7e3, rel=0.06)
+    assert "once a second" in found["roll_inertia"].reason
+    assert "once a second" in found["yaw_inertia"].reason
+    circle = simulated("luo2024-helix", seed=1)
+    straight = dynamics(Drive.from_tables(circle.tables), circle.vehicle)
+    assert all("drive a slalom" in f.reason for f in straight)
+    tables = [t for t in slalom.tables if t.topic != "/gnss"]
+    alone = dynamics(Drive.from_tables(tables), slalom.vehicle)
+    assert all("two antennas" in f.reason for f in alone)
 
 
 def test_mass_and_rolling_resistance_from_torques() -> None:

@@ -32,6 +32,10 @@ SCALARS = (  # findings that are vehicle parameters of the same name
     "rolling_resistance",
     "rear_cornering_stiffness",
     "front_cornering_stiffness",
+    "roll_stiffness",
+    "roll_damping",
+    "roll_inertia",
+    "yaw_inertia",
 )
 HEIGHT_SD = 0.3  # m, of an IMU whose height over the CG does not show
 SIDE_SD = 0.4  # m, of an IMU whose place across the car does not show

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from roadlog import estimators
-from roadlog.calibrate import gains, mass, mounting, speeds, tires
+from roadlog.calibrate import dynamics, gains, mass, mounting, speeds, tires
 from roadlog.calibrate.finding import Finding, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.correction import corrected
@@ -108,7 +108,8 @@ def calibrate_drive(drive: Drive, vehicle: Vehicle) -> DriveCalibration:
     heavy = by_name["mass"]
     if heavy.identifiable and heavy.value is not None:
         car = car.with_values("calibrated", mass=heavy.value)
-    for finding in tires.stiffnesses(last.drive, by_name["slip_gradient"], car):
+    further = tires.stiffnesses(last.drive, by_name["slip_gradient"], car)
+    for finding in [*further, *dynamics.dynamics(last.drive, car)]:
         by_name[finding.name] = finding
     return DriveCalibration(last.rotation, by_name, _driven(fits))
 
