@@ -5,22 +5,26 @@ Massel 2004, equations (6)-(15), corrected: docs/methods/massel2004.md#least-squ
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.estimate import Detail, Estimate
+from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.straight import (
-    Longitudinal,
-    StraightParameters,
-    longitudinal,
-    straight_flags,
-    with_preset,
+from roadlog.estimators.massel2004.regression import (
+    PAPER,
+    ROBUST,
+    Data,
+    Fit,
+    RegressionParameters,
+    estimate_of,
+    root,
+    root_sd,
 )
+from roadlog.estimators.straight import Longitudinal, longitudinal, straight_flags, with_preset
 from roadlog.filters import Engine
 from roadlog.filters.gaps import hold
 from roadlog.filters.windows import moving_sum
@@ -29,55 +33,26 @@ from roadlog.units import STANDARD_GRAVITY as G
 
 MIN_SHARE = 0.9  # of a window's samples that must be known
 
-PRESETS: dict[str, dict[str, Any]] = {
-    "paper": {
-        "excitation_min": 0.0,
-        "inclination_source": "paper",
-        "smooth": False,
-        "causal": True,
-        "wheels": "all",
-    },
-    "robust": {"excitation_min": 0.05, "inclination_source": "x", "smooth": True},
-}
+PRESETS = {"paper": {**PAPER, "smooth": False}, "robust": {**ROBUST, "smooth": True}}
 
 
 @dataclass(frozen=True)
-class LsWindowParameters(StraightParameters):
+class LsWindowParameters(RegressionParameters):
     """docs/methods/massel2004.md#parameters-of-ls_window; none: as the preset says."""
 
     preset: Literal["paper", "robust"] = parameter(
         "robust", "", "paper: as printed; robust: gated, well conditioned"
     )
     window: float = parameter(1.2, "s", "of the least squares; the paper's 1200 samples")
-    excitation_min: float | None = parameter(None, "m/s2", "least std of dv/dt in a window")
-    inclination_source: Literal["paper", "x"] | None = parameter(
-        None, "", "paper: root of model 1; x: mean of model 2"
-    )
     smooth: bool | None = parameter(None, "", "centered window instead of the last samples")
-    pitch_hold_time: float = parameter(30.0, "s", "pitch is held this long")
 
 
-@dataclass(frozen=True)
-class WindowFit:
-    """Least squares of both models in every window, rad and m/s2; NaN where a window is short."""
-
-    pitch: Floats
-    inclination: Floats
-    pitch_sd: Floats
-    inclination_sd: Floats
-    inclination_squared: Floats
-    excitation: Floats
-    known: np.ndarray  # the window holds enough samples
-
-
-def fit_windows(motion: Longitudinal, n: int, source: str, centered: bool) -> WindowFit:
+def fit_windows(motion: Longitudinal, n: int, source: str, centered: bool) -> Fit:
     """Sliding least squares over n samples; sums of centered signals, never normal equations.
 
-    Model 1: f_z - g = -vdot p - g/2 i^2. Model 2: f_x - vdot = -vdot/2 p^2 + g i;
-    docs/methods/massel2004.md#models.
+    Not known where a window holds too few samples.
     """
-    y1, y2, u = motion.f_z - G, motion.f_x - motion.vdot, motion.vdot
-    mask = np.isfinite(y1) & np.isfinite(y2) & np.isfinite(u)
+    y1, y2, u, mask = Data.of(motion)
 
     def centered_signal(values: Floats) -> tuple[Floats, float]:
         offset = float(values[mask].mean()) if mask.any() else 0.0
@@ -103,15 +78,14 @@ def fit_windows(motion: Longitudinal, n: int, source: str, centered: bool) -> Wi
     # smoothed signals are correlated: fewer independent samples than samples
     variance_1, variance_2 = (r / (safe - 2) * motion.correlation for r in (residual_1, residual_2))
     if source == "paper":
-        sign = np.sign((y2_mean - slope_2 * u_mean) / G)
-        inclination = sign * np.sqrt(np.maximum(squared, 0.0))
+        inclination = root(squared, y2_mean - slope_2 * u_mean)
         intercept_sd = np.sqrt(variance_1 * (1 / safe + u_mean**2 / c_uu.clip(min=1e-30)))
-        inclination_sd = intercept_sd / (G * np.maximum(np.abs(inclination), 1e-3))
+        inclination_sd = root_sd(intercept_sd, inclination)
     else:
         inclination = y2_mean / G
         inclination_sd = np.sqrt(variance_2 / safe) / G
     known = count >= MIN_SHARE * n
-    return WindowFit(
+    return Fit(
         pitch=np.where(known, -slope_1, np.nan),
         inclination=np.where(known, inclination, np.nan),
         pitch_sd=np.sqrt(variance_1 / c_uu.clip(min=1e-30)),
@@ -151,15 +125,14 @@ def ls_window(
         | flag(fit.known & ~excited, "excitation")
         | flag(~started, "converging")
     )
-    angles = {"grade": inclination - pitch, "pitch": pitch, "inclination": inclination}
-    sd = {
-        "grade": np.hypot(inclination_sd, pitch_sd),
-        "pitch": pitch_sd,
-        "inclination": inclination_sd,
-    }
-    fit_columns = {"excitation": fit.excitation, "inclination_squared": fit.inclination_squared}
-    details = {"fit": Detail("roadlog.v1.PitchRegression", drive.time, fit_columns)}
-    return Estimate(drive.time, angles, sd, excited, flags, details)
+    held = replace(
+        fit,
+        pitch=pitch,
+        pitch_sd=pitch_sd,
+        inclination=inclination,
+        inclination_sd=inclination_sd,
+    )
+    return estimate_of(drive, held, excited, flags)
 
 
 LS_WINDOW = Estimator(

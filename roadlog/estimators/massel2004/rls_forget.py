@@ -6,22 +6,26 @@ Massel 2004, equations (16)-(18), corrected: docs/methods/massel2004.md#recursiv
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.estimate import Detail, Estimate
+from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.straight import (
-    Longitudinal,
-    StraightParameters,
-    longitudinal,
-    straight_flags,
-    with_preset,
+from roadlog.estimators.massel2004.regression import (
+    PAPER,
+    ROBUST,
+    Data,
+    Fit,
+    RegressionParameters,
+    estimate_of,
+    root,
+    root_sd,
 )
+from roadlog.estimators.straight import Longitudinal, longitudinal, straight_flags, with_preset
 from roadlog.filters import Engine
 from roadlog.filters.gaps import age, hold
 from roadlog.filters.rls import Regression, rls
@@ -31,20 +35,11 @@ from roadlog.units import STANDARD_GRAVITY as G
 
 PAPER_RATE = 1000.0  # Hz, at which the paper gives its forgetting factor
 
-PRESETS: dict[str, dict[str, Any]] = {
-    "paper": {
-        "excitation_min": 0.0,
-        "trace_max": math.inf,
-        "inclination_source": "paper",
-        "causal": True,
-        "wheels": "all",
-    },
-    "robust": {"excitation_min": 0.05, "trace_max": 1e2, "inclination_source": "x"},
-}
+PRESETS = {"paper": {**PAPER, "trace_max": math.inf}, "robust": {**ROBUST, "trace_max": 1e2}}
 
 
 @dataclass(frozen=True)
-class RlsForgetParameters(StraightParameters):
+class RlsForgetParameters(RegressionParameters):
     """docs/methods/massel2004.md#parameters-of-rls_forget; none: as the preset says."""
 
     preset: Literal["paper", "robust"] = parameter(
@@ -53,35 +48,22 @@ class RlsForgetParameters(StraightParameters):
     forgetting: float = parameter(0.997, "-", "lambda per sample at 1 kHz, scaled to the rate")
     initial_variance: float = parameter(1e4, "-", "P0, not more than trace_max")
     trace_max: float | None = parameter(None, "-", "cap on the covariance's trace")
-    excitation_min: float | None = parameter(None, "m/s2", "least std of dv/dt to learn from")
     excitation_time: float = parameter(1.2, "s", "window of that std")
     average_time: float = parameter(0.6, "s", "moving mean of the inclination, source x")
-    inclination_source: Literal["paper", "x"] | None = parameter(
-        None, "", "paper: root of model 1; x: mean of model 2"
-    )
-    pitch_hold_time: float = parameter(30.0, "s", "pitch is held this long")
 
 
 @dataclass(frozen=True)
-class RlsFit:
-    """Pitch and inclination, rad, NaN before the first update; sds; what was learned from."""
+class RecursiveFit(Fit):
+    """updated: samples that were learned from."""
 
-    pitch: Floats
-    inclination: Floats
-    pitch_sd: Floats
-    inclination_sd: Floats
-    inclination_squared: Floats
-    excitation: Floats
-    known: Bools
     updated: Bools
 
 
 def fit_recursively(
     motion: Longitudinal, params: RlsForgetParameters, rate: float, engine: Engine
-) -> RlsFit:
+) -> RecursiveFit:
     """Two recursions: model 1 gives [pitch, i^2], model 2 gives [pitch^2, i]."""
-    y1, y2, u = motion.f_z - G, motion.f_x - motion.vdot, motion.vdot
-    known = np.isfinite(y1) & np.isfinite(y2) & np.isfinite(u)
+    y1, y2, u, known = Data.of(motion)
     excitation = moving_std(u, round(params.excitation_time * rate))
     updated = known & (excitation >= (params.excitation_min or 0.0))
     forgetting = params.forgetting ** (PAPER_RATE / rate)
@@ -98,15 +80,15 @@ def fit_recursively(
     squared = np.where(learned, vertical.x[:, 1], np.nan)
     if params.inclination_source == "paper":
         along = rls(Regression(-u / 2, constant, y2, updated), forgetting, p0, trace_max, engine)
-        inclination = np.sign(along.x[:, 1]) * np.sqrt(np.maximum(squared, 0.0))
-        inclination = np.where(learned & known, inclination, np.nan)
-        # i = root of i^2, and i^2 is 2/g times the intercept
-        inclination_sd = noise / (G * np.maximum(np.abs(inclination), 1e-3))
+        inclination = np.where(learned & known, root(squared, along.x[:, 1]), np.nan)
+        inclination_sd = root_sd(noise, inclination)
     else:
         n = round(params.average_time * rate)
         inclination = np.where(known, moving_mean(motion.inclination, n), np.nan)
         inclination_sd = motion.inclination_sd * min(1.0, math.sqrt(motion.correlation / n))
-    return RlsFit(pitch, inclination, pitch_sd, inclination_sd, squared, excitation, known, updated)
+    return RecursiveFit(
+        pitch, inclination, pitch_sd, inclination_sd, squared, excitation, known, updated
+    )
 
 
 def _forgetting_mean(values: Floats, counted: Bools, forgetting: float) -> Floats:
@@ -147,16 +129,9 @@ def rls_forget(
         | flag(fit.known & ~fit.updated, "excitation")
         | flag(converging, "converging")
     )
-    angles = {"grade": inclination - pitch, "pitch": pitch, "inclination": inclination}
-    sd = {
-        "grade": np.hypot(inclination_sd, fit.pitch_sd),
-        "pitch": fit.pitch_sd,
-        "inclination": inclination_sd,
-    }
-    columns = {"excitation": fit.excitation, "inclination_squared": fit.inclination_squared}
-    details = {"fit": Detail("roadlog.v1.PitchRegression", drive.time, columns)}
-    valid = fit.updated & ~converging & np.isfinite(angles["grade"])
-    return Estimate(drive.time, angles, sd, valid, flags, details)
+    kept = replace(fit, pitch=pitch, inclination=inclination, inclination_sd=inclination_sd)
+    valid = fit.updated & ~converging & np.isfinite(inclination - pitch)
+    return estimate_of(drive, kept, valid, flags)
 
 
 RLS_FORGET = Estimator(
