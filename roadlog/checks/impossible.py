@@ -19,7 +19,7 @@ from roadlog.storage import Table
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY
 
-ROWS = 1_000_000  # that are looked at, evenly taken
+ROWS = 200_000  # that are looked at, evenly taken
 MOSTLY = 0.5  # share of samples
 FITS = 0.2  # of the logarithm: how near a speed by the positions must be to another speed
 NEAR_GRAVITY = 0.1  # share

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from roadlog.errors import ConfigError, LogReadError, near
 from roadlog.ingest.frame import Frame
-from roadlog.ingest.grid import BURST, Signals, one_grid
+from roadlog.ingest.grid import Signals, one_grid
 from roadlog.ingest.profile import AbsentError, Entry, Profile, find, is_slope
+from roadlog.ingest.union import rows_of, united, windows
 from roadlog.signals import AXES, SECTIONS, SIGNALS, Section
 from roadlog.spool import Spool, blocks, release
 from roadlog.storage import Table, schemas
@@ -90,7 +91,7 @@ def signals(profile: Profile, located: Sequence[Located]) -> tuple[Signals, list
         device = section, id(frame), entry.delay
         if section in SLOW_SECTIONS and not (_is_accuracy(entry) and device in fresh):
             time, samples = _fresh(time, samples)
-            fresh[device] = np.union1d(fresh.get(device, time[:0]), time)
+            fresh[device] = np.union1d(fresh[device], time) if device in fresh else time
         elif section in SLOW_SECTIONS:
             time, samples = _at(time, samples, fresh[device])
         found[entry.role] = time, samples
@@ -164,6 +165,9 @@ def _samples(entry: Entry, frame: Frame, column: str) -> tuple[Stamps, Floats]:
         )
     raw = frame.columns[column]
     flag = None if entry.valid is None else frame.columns[entry.valid.name]
+    is_si = (entry.scale, entry.offset, factor) == (1.0, 0.0, 1.0) and not slope
+    if is_si and flag is None and raw.dtype == np.float64 and not _has_infinity(raw):
+        return _delayed(frame.time, entry.delay), raw
     found = Spool(np.float64)
     for rows in blocks(len(raw)):
         with np.errstate(over="ignore", invalid="ignore"):  # what is beyond a float is unknown
@@ -176,14 +180,24 @@ def _samples(entry: Entry, frame: Frame, column: str) -> tuple[Stamps, Floats]:
             values[~entry.valid.holds(_numbers(flag[rows], entry.role))] = np.nan
         found.append(values)
         release([raw] if flag is None else [raw, flag])
-    delay = round(entry.delay * 1e9)
-    time = frame.time
-    if delay:
-        late = Spool(np.int64)
-        for rows in blocks(len(time)):
-            late.append(time[rows] - delay)
-        time = late.column()
-    return time, found.column()
+    return _delayed(frame.time, entry.delay), found.column()
+
+
+def _has_infinity(values: Floats) -> bool:
+    found = any(np.isinf(values[rows]).any() for rows in blocks(len(values)))
+    release([values])
+    return found
+
+
+def _delayed(time: Stamps, delay: float) -> Stamps:
+    """Stamps of what was measured `delay` s before."""
+    steps = round(delay * 1e9)
+    if not steps:
+        return time
+    early = Spool(np.int64)
+    for rows in blocks(len(time)):
+        early.append(time[rows] - steps)
+    return early.column()
 
 
 def _since(begin: int, time: Stamps, values: Floats) -> tuple[Stamps, Floats]:
@@ -256,94 +270,18 @@ def _numbers(values: NDArray, role: str) -> Floats:
 
 
 def _table(section: Section, values: Mapping[str, tuple[Stamps, Floats]]) -> Table:
-    """One table, put together window by window."""
-    stamps = Spool(np.int64)
-    spools = {name: Spool(np.float64) for name in values}
-    for window in _windows(values):
-        time, columns = _united(window)
-        known = np.zeros(len(time), np.bool_)
-        for column in columns.values():
-            known |= np.isfinite(column)
-        stamps.append(time[known])
-        for name, column in columns.items():
-            spools[name].append(column[known])
-        release(array for pair in values.values() for array in pair)
-    time = stamps.column()
+    """One table; what its message has besides is unknown."""
+    time, columns = rows_of(values)
     complete: dict[str, NDArray] = {}
     for name, dtype in schemas.columns(section.schema).items():
-        if name in spools:
-            complete[name] = spools[name].column()
+        if name in columns:
+            complete[name] = columns[name]
         elif name == "valid":
             complete[name] = np.broadcast_to(np.True_, len(time))  # every row left has a value
         else:
             blank = np.array(np.nan if dtype.kind == "f" else 0, dtype)
             complete[name] = np.broadcast_to(blank, len(time))
     return Table(section.topic, section.schema, time, complete)
-
-
-def _windows(
-    values: Mapping[str, tuple[Stamps, Floats]],
-) -> Iterator[Mapping[str, tuple[Stamps, Floats]]]:
-    """The signals cut at the same instants, about a block of rows of the longest in each."""
-    values = {name: _ordered(*pair) for name, pair in values.items()}
-    longest = max((time for time, _ in values.values()), key=len)
-    edges = [int(longest[rows.start]) for rows in blocks(len(longest))][1:]
-    begin = dict.fromkeys(values, 0)
-    for edge in [*edges, None]:
-        end = {
-            name: len(time) if edge is None else int(np.searchsorted(time, edge))
-            for name, (time, _) in values.items()
-        }
-        yield {
-            name: (time[begin[name] : end[name]], column[begin[name] : end[name]])
-            for name, (time, column) in values.items()
-        }
-        begin = end
-
-
-def _ordered(time: Stamps, values: Floats) -> tuple[Stamps, Floats]:
-    """The same in time order."""
-    if all((time[rows][1:] >= time[rows][:-1]).all() for rows in blocks(len(time))) and all(
-        time[rows.start] >= time[rows.start - 1] for rows in blocks(len(time)) if rows.start
-    ):
-        release([time])
-        return time, values
-    order = np.argsort(time, kind="stable")
-    return time[order], values[order]
-
-
-def _united(values: Mapping[str, tuple[Stamps, Floats]]) -> tuple[Stamps, dict[str, Floats]]:
-    """All signals on the union of their stamps; repeated stamps of one signal keep the last.
-
-    Messages of one burst, BURST apart at most, become one row.
-    """
-    stamps = [time for time, _ in values.values()]
-    first = stamps[0]
-    if np.all(np.diff(first) > 0) and all(np.array_equal(time, first) for time in stamps[1:]):
-        return first, {name: column for name, (_, column) in values.items()}
-    union: Stamps = np.unique(np.concatenate(stamps))
-    row = _bursts(union, stamps)
-    columns = {}
-    for name, (time, column) in values.items():
-        column_union = np.full(row[-1] + 1 if len(row) else 0, np.nan)
-        order = np.argsort(time, kind="stable")
-        column_union[row[np.searchsorted(union, time[order])]] = column[order]
-        columns[name] = column_union
-    starts = np.flatnonzero(np.diff(row, prepend=-1))
-    return union[starts], columns
-
-
-def _bursts(union: Stamps, stamps: Sequence[Stamps]) -> NDArray[np.int64]:
-    """Row of each stamp: those of a burst share one, unless it is longer than BURST."""
-    steps = [np.median(np.diff(time)) for time in stamps if len(time) > 1]
-    near = min(BURST, min(steps, default=0) / 4)
-    burst = np.cumsum(np.diff(union, prepend=union[:1]) > near)
-    first = np.flatnonzero(np.diff(burst, prepend=-1))
-    last = np.append(first[1:], len(union)) - 1
-    whole = (union[last] - union[first] <= near)[burst] if len(union) else np.empty(0, np.bool_)
-    new = np.diff(burst, prepend=-1) > 0
-    row: NDArray[np.int64] = np.cumsum(new | ~whole) - 1
-    return row
 
 
 def _mount(found: Signals, roles: list[str], mount: Floats) -> None:
@@ -362,8 +300,8 @@ def _mount(found: Signals, roles: list[str], mount: Floats) -> None:
             raise ConfigError(f"imu: mount turns several axes; map {', '.join(lacking)} too")
     stamps = Spool(np.int64)
     turned = {role: Spool(np.float64) for role in rows_of}
-    for window in _windows(sensor):
-        time, columns = _united(window)
+    for window in windows(sensor):
+        time, columns = united(window)
         stamps.append(time)
         for role, parts in rows_of.items():
             zero = np.zeros(len(time))

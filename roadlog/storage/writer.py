@@ -7,7 +7,9 @@ a result is removed by leaving its chunks out. Layout and reasons: docs/format.m
 from __future__ import annotations
 
 import struct
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -37,6 +39,7 @@ from roadlog.storage.table import Table
 
 WINDOW = 60 * 10**9  # ns of one channel in a chunk, aligned to the epoch
 MAX_CHUNK = 1 << 20  # bytes before compression: what players load at once (Foxglove's advice)
+AHEAD = 4  # chunks that are compressed while the one before is written
 ZSTD_LEVEL = 1  # faster and, on quantized sensor values, smaller than the default 3
 
 Times = NDArray[np.uint64]
@@ -106,11 +109,23 @@ class Writer:
             id_ = self.declare(table)
             parts += [(window, id_, wire, rows) for window, wire, rows in self._windows(table, id_)]
         parts.sort(key=lambda part: part[0])  # stable: tables stay in order
-        for _, id_, wire, rows in parts:
-            times = wire.time[rows].astype("<u8")
-            data = wire.rows(rows).view(np.uint8).data
-            offsets = np.arange(0, len(data), wire.size)
-            self.put_chunk(data, {id_: (times, offsets)}, self.compression)
+        compress = self._compress(self.compression)
+        waiting: deque[tuple[bytes, dict[int, tuple[Times, Offsets]], Future[bytes]]] = deque()
+
+        def put_first() -> None:
+            data, index, compressed = waiting.popleft()
+            self._put_compressed(data, index, self.compression, compressed.result())
+
+        with ThreadPoolExecutor(1) as beside:  # zstd holds no lock of Python's
+            for _, id_, wire, rows in parts:
+                times = wire.time[rows].astype("<u8")
+                data = wire.rows(rows).tobytes()  # the wire makes the next rows in its place
+                index = {id_: (times, np.arange(0, len(data), wire.size))}
+                waiting.append((data, index, beside.submit(compress, data)))
+                if len(waiting) > AHEAD:
+                    put_first()
+            while waiting:
+                put_first()
 
     def _windows(self, table: Table, id_: int) -> Iterator[tuple[int, Wire, slice]]:
         """Rows of a table, cut where a minute ends or a chunk is full."""
@@ -128,11 +143,19 @@ class Writer:
         self, data: bytes | memoryview, index: Mapping[int, tuple[Times, Offsets]], compression: str
     ) -> None:
         """One chunk of records, with a MessageIndex for each channel: its times and offsets."""
+        self._put_compressed(data, index, compression, self._compress(compression)(data))
+
+    def _put_compressed(
+        self,
+        data: bytes | memoryview,
+        index: Mapping[int, tuple[Times, Offsets]],
+        compression: str,
+        compressed: bytes,
+    ) -> None:
         entries = {id_: _in_order(*found) for id_, found in index.items()}
         start = min(int(found[0, 0]) for found in entries.values())
         end = max(int(found[-1, 0]) for found in entries.values())
         self.cover(start, end)
-        compressed = self._compress(compression)(data)
         offset = self.offset
         head = struct.pack("<QQQI", start, end, len(data), crc32(data)) + records.text(compression)
         size = len(head) + 8 + len(compressed)
