@@ -143,7 +143,8 @@ def test_quick_steering_tells_roll_and_yaw_dynamics() -> None:
     names = ("roll_stiffness", "roll_damping", "roll_inertia", "yaw_inertia")
     simulation = simulated("ryu2004-chirp", seed=1)
     sheet = simulation.vehicle
-    bare = sheet.with_values("default", **{name: getattr(Vehicle(), name) for name in names})
+    unknown_car = {name: getattr(Vehicle(), name) for name in (*names, "roll_gradient")}
+    bare = sheet.with_values("default", **unknown_car)
     drive = Drive.from_tables(simulation.tables)
     found = {f.name: f for f in dynamics(drive, bare)}
     assert set(found) == set(names)
