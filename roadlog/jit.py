@@ -4,12 +4,94 @@ Kept on disk, so that it is compiled once per installation. Without Python's loc
 estimators run side by side. What a kernel may hold, tests/test_kernels.py says: an assignment of
 arrays or slices, an array expression or a matrix function costs seconds of compiling for the text
 of an error message, and a constant of the module as an argument compiles the callee again.
+
+numba is imported when a kernel is called, not where one is defined: what only asks an estimator
+for its needs (`roadlog info`) does not wait for it.
 """
 
 from __future__ import annotations
 
-from numba import njit
+from collections.abc import Callable
+from functools import cache, cached_property, update_wrapper
+from typing import Any, Protocol
 
-compiled = njit(cache=True, nogil=True)
+OPTIONS: dict[str, Any] = {"cache": True, "nogil": True}
 # sums may be vectorised; NaN and infinity keep their meaning
-reordered = njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+REORDERED: dict[str, Any] = {**OPTIONS, "fastmath": {"reassoc", "contract"}}
+
+
+class Watch(Protocol):
+    """Who is told when numba begins and ends to compile."""
+
+    def begin(self) -> None: ...
+
+    def end(self) -> None: ...
+
+
+class Kernel:
+    """A function that numba compiles when it is first called. py_func: the function itself."""
+
+    def __init__(self, function: Callable, options: dict[str, Any]) -> None:
+        update_wrapper(self, function)
+        self.py_func = function
+        self.options = options
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.dispatcher(*arguments)
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """What numba makes of it."""
+        return loaded().njit(**self.options)(self.py_func)
+
+    @property
+    def _numba_type_(self) -> Any:  # asked for where another kernel calls this one
+        return loaded().types.Dispatcher(self.dispatcher)
+
+
+def compiled(function: Callable) -> Kernel:
+    """A kernel."""
+    return Kernel(function, OPTIONS)
+
+
+def reordered(function: Callable) -> Kernel:
+    """A kernel whose sums may be added up in another order."""
+    return Kernel(function, REORDERED)
+
+
+def overload(stand_in: Callable) -> Callable[[Callable], Callable]:
+    """numba's decorator: what kernels call instead of `stand_in`, by the types of arguments."""
+
+    def register(template: Callable) -> Callable:
+        _overloads.append((stand_in, template))
+        if loaded.cache_info().currsize:
+            loaded().extending.overload(stand_in)(template)
+        return template
+
+    return register
+
+
+watches: list[Watch] = []  # the last one is told
+_overloads: list[tuple[Callable, Callable]] = []
+
+
+@cache
+def loaded() -> Any:
+    """numba, with our overloads."""
+    import numba
+    import numba.extending
+    from numba.core import event
+
+    class Teller(event.Listener):  # type: ignore[misc]
+        def on_start(self, _: Any) -> None:
+            for watch in watches[-1:]:
+                watch.begin()
+
+        def on_end(self, _: Any) -> None:
+            for watch in watches[-1:]:
+                watch.end()
+
+    for stand_in, template in _overloads:
+        numba.extending.overload(stand_in)(template)
+    event.register("numba:compile", Teller())
+    return numba

@@ -15,10 +15,10 @@ HEAVY = "scipy.signal scipy.stats rerun matplotlib pyarrow pandas numba roadlog.
 COMMANDS = {
     "--help": "",
     "config": "",
-    "info LOG": "numba",
+    "info LOG": "",
     "evaluate ESTIMATES": "",
     "export LOG -o OUT.csv": "",
-    "estimate LOG -e lowpass_attitude -o OUT.mcap": "scipy.signal scipy.stats numba",
+    "estimate LOG -e lowpass_attitude -o OUT.mcap": "scipy.signal scipy.stats",
     "estimate LOG -e kmbe -o OUT.mcap": "numba",
     "ingest TABLE -o OUT.mcap --profile PROFILE": "numba roadlog.ingest",
     "plot LOG -o OUT.png": "matplotlib",

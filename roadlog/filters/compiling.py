@@ -6,42 +6,41 @@ import logging
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any
+
+from roadlog import jit
 
 _said = logging.getLogger("roadlog")
 
 
-@dataclass
 class Compiling:
-    """seconds: spent on compiling so far."""
+    """seconds: spent on compiling so far, by the outermost kernels: they compile what they call."""
 
-    seconds: float = 0.0
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.seconds = 0.0
+        self._depth, self._begun = 0, 0.0
+
+    def begin(self) -> None:
+        """A kernel is being compiled, maybe for another one that is."""
+        if self._depth == 0:
+            self._begun = time.perf_counter()
+            if not self.seconds:
+                _said.warning("compiling %s, once per installation", self.name)
+        self._depth += 1
+
+    def end(self) -> None:
+        """It is done."""
+        self._depth -= 1
+        if self._depth == 0:
+            self.seconds += time.perf_counter() - self._begun
 
 
 @contextmanager
 def compiling(name: str) -> Iterator[Compiling]:
     """Count what numba compiles in the block, and say so when it begins; its cache is no work."""
-    from numba.core import event
-
-    class Clock(event.Listener):  # type: ignore[misc]
-        """Of the outermost compilation: kernels compile what they call."""
-
-        def __init__(self) -> None:
-            self.depth, self.begun = 0, 0.0
-
-        def on_start(self, _: Any) -> None:
-            if self.depth == 0:
-                self.begun = time.perf_counter()
-                if not count.seconds:
-                    _said.warning("compiling %s, once per installation", name)
-            self.depth += 1
-
-        def on_end(self, _: Any) -> None:
-            self.depth -= 1
-            if self.depth == 0:
-                count.seconds += time.perf_counter() - self.begun
-
-    count = Compiling()
-    with event.install_listener("numba:compile", Clock()):
+    count = Compiling(name)
+    jit.watches.append(count)
+    try:
         yield count
+    finally:
+        jit.watches.remove(count)

@@ -13,8 +13,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 
 from roadlog.filters import Engine
 from roadlog.filters.ukf import (
@@ -25,7 +23,7 @@ from roadlog.filters.ukf import (
     restart_state,
     sigma_points,
 )
-from roadlog.jit import compiled
+from roadlog.jit import compiled, loaded, overload
 from roadlog.types import Bools, Floats
 
 
@@ -96,7 +94,8 @@ def _spread(model: Any, P: Floats, sd: Floats) -> None:
 
 def _of(model: Any) -> Equations | None:
     """Equations of a model's numba type."""
-    return _EQUATIONS.get(model.instance_class) if isinstance(model, types.NamedTuple) else None
+    is_model = isinstance(model, loaded().types.NamedTuple)
+    return _EQUATIONS.get(model.instance_class) if is_model else None
 
 
 @overload(_process)
