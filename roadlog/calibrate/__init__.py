@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
 from roadlog.calibrate.drive import TURNS, DriveCalibration, calibrate_drive
 from roadlog.calibrate.finding import Finding, combined
+from roadlog.calibrate.tumble import KINDS, is_tumble, tumble
 from roadlog.car.suspension import DASHBOARD_HEIGHT
 from roadlog.car.vehicle import DEFAULT, Source, Vehicle
 from roadlog.drive import Drive
@@ -44,12 +46,12 @@ SIDE_SD = 0.4  # m, of an IMU whose place across the car does not show
 @dataclass(frozen=True)
 class Calibration:
     """vehicle: the base with everything found, each with its source and sd. rotation (3, 3): rows
-    forward, left, up in the logs' IMU axes. findings: by name. driven: front, rear or all,
-    where all drives that show it agree. left_out: drive -> why.
+    forward, left, up in the logs' IMU axes, None where no log is of a drive. findings: by name.
+    driven: front, rear or all, where all drives that show it agree. left_out: drive -> why.
     """
 
     vehicle: Vehicle
-    rotation: Floats
+    rotation: Floats | None
     findings: dict[str, Finding]
     driven: str | None
     left_out: dict[str, str]
@@ -59,9 +61,15 @@ def calibrate(drives: Mapping[str, Drive], vehicle: Vehicle) -> Calibration:
     """Everything that the drives tell together.
 
     drives: name -> drive as logged, uncorrected. vehicle: what is known besides; what it says of
-    the sensors is found anew. Raises EstimatorError when no drive can be used.
+    the sensors is found anew. Logs of an IMU that rests in many positions give its zeros and
+    scales, with which the drives are read. Raises EstimatorError when no drive can be used.
     """
-    base = _without_sensors(vehicle)
+    lying = {name: drive for name, drive in drives.items() if is_tumble(drive)}
+    at_rest = _of_tumbles(list(lying.values()))
+    base = _with_tumbles(_without_sensors(vehicle), at_rest)
+    drives = {name: drive for name, drive in drives.items() if name not in lying}
+    if lying and not drives:
+        return Calibration(base, None, at_rest, None, {})
     results: dict[str, DriveCalibration] = {}
     left_out: dict[str, str] = {}
     for name, drive in drives.items():
@@ -83,7 +91,23 @@ def calibrate(drives: Mapping[str, Drive], vehicle: Vehicle) -> Calibration:
     found = _vehicle(base, rotation, findings)
     if driven is not None and base.source("driven").kind == "default":
         found = found.with_values("calibrated", driven=driven)
-    return Calibration(found, rotation, findings, driven, left_out)
+    return Calibration(found, rotation, at_rest | findings, driven, left_out)
+
+
+def _of_tumbles(drives: list[Drive]) -> dict[str, Finding]:
+    found = [{f.name: f for f in tumble(drive)} for drive in drives]
+    return {name: combined([one[name] for one in found]) for name in (found[0] if found else ())}
+
+
+def _with_tumbles(base: Vehicle, findings: Mapping[str, Finding]) -> Vehicle:
+    """With the zeros and scales whose three axes were all found."""
+    for kind in KINDS if findings else ():
+        parts = [findings[f"{kind}_{axis}"] for axis in AXES]
+        if all(part.identifiable for part in parts):
+            value: Any = tuple(float(part.value or 0.0) for part in parts)
+            source = Source("calibrated", axis_sd=_sds(parts))
+            base = replace(base, sources={**base.sources, kind: source}, **{kind: value})
+    return base
 
 
 def _without_sensors(vehicle: Vehicle) -> Vehicle:

@@ -13,7 +13,7 @@ from roadlog import estimators
 from roadlog.calibrate import dynamics, gains, mass, mounting, speeds, tires
 from roadlog.calibrate.finding import Finding, unknown
 from roadlog.calibrate.mounting import filled
-from roadlog.car.correction import corrected
+from roadlog.car.correction import OF_IMU, corrected
 from roadlog.car.suspension import DASHBOARD_HEIGHT
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, nan_mean
@@ -109,7 +109,7 @@ def calibrate_drive(drive: Drive, vehicle: Vehicle) -> DriveCalibration:
     if heavy.identifiable and heavy.value is not None:
         car = car.with_values("calibrated", mass=heavy.value)
     further = tires.stiffnesses(last.drive, by_name["slip_gradient"], car)
-    for finding in [*further, *dynamics.dynamics(last.drive, car)]:
+    for finding in [*further, *dynamics.dynamics(last.drive, _plain(car))]:
         by_name[finding.name] = finding
     return DriveCalibration(last.rotation, by_name, _driven(fits))
 
@@ -202,9 +202,14 @@ def _mounted(vehicle: Vehicle, rotation: Floats, late: dict[str, float]) -> Vehi
 
 def _smoothed(drive: Drive, vehicle: Vehicle, prior: float, delay_sd: float) -> Estimate:
     """The smoother over a corrected drive, with wide priors."""
-    plain = replace(vehicle, imu_mount=None, speed_delay=0.0, gnss_delay=0.0)
     settings = {"mounting_sd": prior, "speed_delay_sd": delay_sd}
-    return estimators.run("fusion", drive, plain, settings)
+    return estimators.run("fusion", drive, _plain(vehicle), settings)
+
+
+def _plain(vehicle: Vehicle) -> Vehicle:
+    """The vehicle of a drive that has been corrected by it already."""
+    nothing = dict.fromkeys(OF_IMU)
+    return replace(vehicle, **nothing, speed_delay=0.0, gnss_delay=0.0)  # type: ignore[arg-type]
 
 
 def _relieve(constants: dict[str, float]) -> None:

@@ -71,7 +71,9 @@ class _Signals:
 
 
 def dynamics(drive: Drive, vehicle: Vehicle) -> list[Finding]:
-    """The four findings. vehicle: with mounting and place of the IMU as found before."""
+    """The four findings. drive: in vehicle axes. vehicle: with the place of the IMU, and nothing
+    left that would correct the drive again.
+    """
     if "gnss.roll" not in drive or estimators.get("gnss_ins").refusal(drive):
         return _unknown("needs two antennas (GNSS roll and heading)")
     ins = estimators.run("gnss_ins", drive, vehicle)

@@ -16,6 +16,10 @@ from roadlog.errors import ConfigError
 from roadlog.signals import AXES
 from roadlog.types import Floats
 
+OF_IMU = (
+    *("accel_zero", "accel_scale", "gyro_zero", "gyro_scale"),  # of its own axes
+    *("imu_mount", "accel_bias", "gyro_bias"),
+)
 CAR_SPEEDS = ("wheel_speeds", "speed")  # sections that speed_scale is of
 CAR_OTHERS = ("steering", "wheel_torques", "powertrain")  # that come the same way, as late
 
@@ -24,7 +28,7 @@ def applied(vehicle: Vehicle, drive: Drive) -> list[str]:
     """The vehicle parameters that change what this drive's sensors say."""
     found = []
     if "imu" in drive.native:
-        found += [n for n in ("imu_mount", "accel_bias", "gyro_bias") if getattr(vehicle, n)]
+        found += [name for name in OF_IMU if getattr(vehicle, name)]
     if any(section in drive.native for section in CAR_SPEEDS):
         found += ["speed_scale"] if vehicle.speed_scale != 1.0 else []
         found += ["speed_delay"] if vehicle.speed_delay else []
@@ -36,7 +40,8 @@ def applied(vehicle: Vehicle, drive: Drive) -> list[str]:
 def corrected(drive: Drive, vehicle: Vehicle) -> Drive:
     """The drive as it would be with the IMU in vehicle axes and every channel on time.
 
-    The IMU is turned by `imu_mount`, then biases are subtracted; wheel speeds and /speed are
+    The IMU's zeros are subtracted and its axes scaled, it is turned by `imu_mount`, then biases are
+    subtracted; wheel speeds and /speed are
     multiplied by `speed_scale` and, with everything else that the car itself sends, moved
     `speed_delay` earlier; GNSS `gnss_delay` earlier. The drive itself comes back when the vehicle
     says nothing of the kind. Raises ConfigError when the mounting would turn an axis that the log
@@ -46,7 +51,7 @@ def corrected(drive: Drive, vehicle: Vehicle) -> Drive:
     if not changes:
         return drive
     native = dict(drive.native)
-    if {"imu_mount", "accel_bias", "gyro_bias"} & set(changes):
+    if set(OF_IMU) & set(changes):
         native["imu"] = _imu(drive.native["imu"], vehicle)
     for section in CAR_SPEEDS:
         if section in native:
@@ -69,6 +74,11 @@ def _imu(samples: Samples, vehicle: Vehicle) -> Samples:
     for kind, bias in (("accel", vehicle.accel_bias), ("gyro", vehicle.gyro_bias)):
         names = [f"{kind}_{axis}" for axis in AXES]
         there = [name for name in names if name in columns]
+        zeros, scales = getattr(vehicle, f"{kind}_zero"), getattr(vehicle, f"{kind}_scale")
+        for k, name in enumerate(names):
+            if name in columns and (zeros or scales):
+                shown = columns[name] - (zeros[k] if zeros else 0.0)
+                columns[name] = shown * (scales[k] if scales else 1.0)
         if vehicle.imu_mount is not None and there:
             if len(there) < len(names):
                 lacking = ", ".join(f"imu.{name}" for name in names if name not in columns)

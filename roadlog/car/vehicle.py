@@ -83,21 +83,17 @@ class Vehicle:
     driveline_efficiency: float = _parameter(0.92, "-", "engine to wheels")
     engine_inertia: float = _parameter(0.18, "kg m2", "engine and gearbox input")
     steering_ratio: float = _parameter(15.0, "-", "steering wheel angle / road wheel angle")
-    imu_position: tuple[float, float, float] | None = _parameter(
-        None, "m", "from the CG, vehicle axes"
-    )
-    antenna_position: tuple[float, float, float] | None = _parameter(
-        None, "m", "from the CG, vehicle axes"
-    )
+    imu_position: tuple[float, float, float] | None = _parameter(None, "m", "from the CG")
+    antenna_position: tuple[float, float, float] | None = _parameter(None, "m", "from the CG")
     imu_mount: tuple[Axis, Axis, Axis] | None = _parameter(
         None, "", "forward, left and up in the log's IMU axes, one a row"
     )
-    accel_bias: tuple[float, float, float] | None = _parameter(
-        None, "m/s2", "to be subtracted, vehicle axes"
-    )
-    gyro_bias: tuple[float, float, float] | None = _parameter(
-        None, "rad/s", "to be subtracted, vehicle axes"
-    )
+    accel_bias: tuple[float, float, float] | None = _parameter(None, "m/s2", "subtracted")
+    gyro_bias: tuple[float, float, float] | None = _parameter(None, "rad/s", "subtracted")
+    accel_zero: tuple[float, float, float] | None = _parameter(None, "m/s2", "of its own axes")
+    accel_scale: tuple[float, float, float] | None = _parameter(None, "-", "true / shown")
+    gyro_zero: tuple[float, float, float] | None = _parameter(None, "rad/s", "as accel_zero")
+    gyro_scale: tuple[float, float, float] | None = _parameter(None, "-", "as accel_scale")
     speed_scale: float = _parameter(1.0, "-", "true speed / what wheel speeds and /speed say")
     speed_delay: float = _parameter(0.0, "s", "the car's own messages lag the IMU")
     gnss_delay: float = _parameter(0.0, "s", "the receiver lags the IMU")
@@ -243,7 +239,7 @@ def _flat(table: Any, prefix: str = "") -> dict[str, Any]:
     return result
 
 
-_VECTORS = {
+_VECTORS = dict.fromkeys(("accel_zero", "accel_scale", "gyro_zero", "gyro_scale"), 3) | {
     "imu_position": 3,
     "antenna_position": 3,
     "tank_sender": 2,

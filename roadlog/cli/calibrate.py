@@ -31,7 +31,8 @@ def calibrate(
     """Find mounting, delays, scales, biases and gradients, each with its standard error.
 
     The logger may be mounted in any way, as long as it stays so; no data sheet is needed. What
-    the drives do not show is said, with the reason, and left as it was.
+    the drives do not show is said, with the reason, and left as it was. A log of the IMU alone,
+    at rest in six positions and more, gives its zeros and scales.
 
     Example: roadlog calibrate monday.mcap tuesday.mcap -o car.toml
     """
@@ -60,7 +61,8 @@ def _report(found: Calibration, opened: list[Any], out: Path) -> dict[str, Any]:
         "vehicle": str(out),
         "logs": [str(log.path) for log in opened if str(log.path) not in found.left_out],
         "left_out": found.left_out,
-        "imu_mount": found.rotation.tolist(),  # rows: forward, left, up
+        # rows: forward, left, up
+        "imu_mount": None if found.rotation is None else found.rotation.tolist(),
         "driven": found.driven,
         "constants": {
             f.name: {
@@ -93,6 +95,7 @@ def _print(found: Calibration, out: Path) -> None:
         rows.append(["driven", "", found.driven, "-", "the axle that slips when it drives"])
     columns = ["constant", "unit", "value", "± sd", "rests on"]
     console.print_table(columns, rows, str(out), left=2, remark=True)
-    for name, row in zip(("forward", "left", "up"), found.rotation, strict=True):
+    rows_of = () if found.rotation is None else found.rotation
+    for name, row in zip(("forward", "left", "up"), rows_of, strict=False):
         axes = ", ".join(f"{c:+.4f}" for c in row)
         console.say(f"{name} in the log's IMU axes: {axes}")
