@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.can_cases import START, files, mdf_bus, motion
+from support.drive_formats import DBC, SPEED, profile_of, write_mdf_bus
 
 from roadlog.errors import LogReadError
 from roadlog.ingest import ingest
+from roadlog.ingest.drafting.starter import starter
 from roadlog.ingest.profile import Profile
 
 asammdf = pytest.importorskip("asammdf")
@@ -204,3 +206,48 @@ def test_ranges_between_whole_numbers_mean_the_same_for_few_and_many_samples(tmp
     table, result = speed(path)
     np.testing.assert_allclose(table.columns["v"] * 3.6, 30.0)
     assert result.mapped[0].invalid == size * 4 // 5
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_a_database_in_the_file_decodes_its_frames(tmp_path, compressed):
+    logged = write_mdf_bus(tmp_path / "bus.mf4")
+    path = tmp_path / "log.mf4"
+    with asammdf.MDF(logged) as file:
+        file.attach(b"readme", file_name="notes.txt")
+        file.attach(DBC.encode(), file_name="C:\\db\\car.dbc", compression=compressed)
+        file.save(path)
+    profile = profile_of(tmp_path)
+    text = starter([path])
+    assert 'from = "Odo.v"' in text
+    for given in (profile, Profile.from_toml(text, "new")):
+        result = ingest([path], given)
+        speed = next(t for t in result.tables if t.topic == "/speed")
+        np.testing.assert_allclose(speed.columns["v"], SPEED)
+        assert "log.mf4: decoded with car.dbc, which is attached to it" in result.notes
+    with pytest.raises(LogReadError, match=r"bus\.mf4: nothing decoded: raw CAN needs --dbc"):
+        ingest([logged], profile)
+
+
+@pytest.mark.parametrize(
+    ("name", "embedded", "data", "said"),
+    [
+        ("car.dbc", False, DBC, "log.mf4: names the database car.dbc but does not hold it (--dbc)"),
+        ("bad.dbc", True, "none {{{", "log.mf4: its database bad.dbc is left out"),
+    ],
+)
+def test_a_database_that_is_not_there_or_broken_is_said(tmp_path, name, embedded, data, said):
+    path = tmp_path / "log.mf4"
+    (tmp_path / "car.dbc").write_text(DBC)
+    with asammdf.MDF(write_mdf_bus(tmp_path / "bus.mf4")) as file:
+        if embedded:
+            file.attach(DBC.encode(), file_name="other.DBC")
+        file.attach(data.encode(), file_name=name, embedded=embedded)
+        file.save(path)
+    if embedded:
+        notes = " ".join(ingest([path], profile_of(tmp_path)).notes)
+        assert "log.mf4: decoded with other.DBC" in notes
+    else:
+        with pytest.raises(LogReadError, match="raw CAN needs --dbc") as refused:
+            ingest([path], profile_of(tmp_path))
+        notes = str(refused.value)
+    assert said in notes

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.errors import ConfigError, LogReadError, MissingExtraError, RoadlogError
-from roadlog.ingest.formats import can, mdf_blocks, times
+from roadlog.ingest.formats import can, mdf_attached, mdf_blocks, times
 from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.can_database import bus_name
 from roadlog.ingest.formats.magic import begins
@@ -49,7 +49,7 @@ def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
         found: set[str] = set()
         for group in opened.groups:
             if BUS in group.names:
-                found |= can.names(can.load(dbc))
+                found |= can.names(opened.known(dbc)[0])
             else:
                 found |= {*group.names, *(f"{group.title}.{name}" for name in group.names)}
         return found
@@ -61,14 +61,15 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     A group that cannot be read is a loss, or a note where the profile asks nothing of it. Raises
     LogReadError where nothing can be, MissingExtraError.
     """
-    decoder = can.Decoder(can.load(dbc), path.name, profile)
     frames: list[Frame] = []
     notes: list[str] = []
     losses: list[str] = []
     refused: list[RoadlogError] = []
     heard = 0
     with _opened(path, profile.clock.zone) as opened:
-        notes += opened.notes
+        known, said = opened.known(dbc)
+        decoder = can.Decoder(known, path.name, profile)
+        notes += opened.notes + said
         for k, group in enumerate(g for g in opened.groups if g.promised):
             bus = BUS in group.names
             wanted = bus or group.reads(profile)
@@ -91,7 +92,7 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
         try:
             decoded = decoder.recording()
         except LogReadError as error:
-            refused.append(error)
+            refused.append(LogReadError("; ".join([str(error), *said])))
             notes.append(str(error))
         else:
             frames += decoded.frames
@@ -230,8 +231,19 @@ def _through_texts(rule: Any, raw: NDArray) -> Floats:
 class _Opened(NamedTuple):
     """The groups of a file, and what is to be said of its clock."""
 
+    file: Any
+    path: Path
     groups: list[_Group]
     notes: list[str]
+
+    def known(self, dbc: Sequence[Path]) -> tuple[list[can.Known], list[str]]:
+        """The messages of the bus, by databases or else by those in the file, and which these are.
+
+        Raises LogReadError, MissingExtraError.
+        """
+        if dbc or not any(BUS in group.names for group in self.groups):
+            return can.load(dbc), []
+        return mdf_attached.databases(self.file, self.path)
 
 
 @contextmanager
@@ -260,7 +272,7 @@ def _opened(path: Path, zone: str = "") -> Iterator[_Opened]:
         for group in groups:
             group.epoch = epoch - shift
         with file:
-            yield _Opened(groups, [note] if note else [])
+            yield _Opened(file, path, groups, [note] if note else [])
 
 
 def _epoch(file: Any) -> tuple[int, bool]:
