@@ -23,8 +23,10 @@ def check(tables: Mapping[str, Table], vehicle: Vehicle | None = None) -> list[F
     Each step puts right what it finds before the next one looks, so that one fault gives one
     finding. vehicle: what its file corrects is no fault of the drive.
     """
-    found = clocks.jumps(tables)
+    of_day = clocks.of_day(tables)
+    found = of_day or clocks.jumps(tables)
     jumped = {topic for finding in found for topic in finding.signals}
+    found += [] if of_day else clocks.forward(tables)
     found += [f for f in values.stamps(tables) if jumped.isdisjoint(f.signals)]
     impossible, tables = beyond(tables)
     found += impossible

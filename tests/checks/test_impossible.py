@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -109,3 +111,37 @@ def test_ingest_says_it_too(tmp_path):
     )
     notes = ingest([path], Profile.from_toml(profile, "p")).notes
     assert any(n.startswith("check: gnss.latitude") and "minutes of arc" in n for n in notes)
+
+
+def at(stamps: np.ndarray, **more: np.ndarray) -> dict[str, Table]:
+    """Positions and speed at other stamps [s]."""
+    time = np.round(stamps * 1e9).astype(np.int64)
+    found = {**drive(), **more}
+    return {topic: replace(table, time=time) for topic, table in found.items()}
+
+
+def test_times_of_day_taken_as_seconds_are_named_and_nothing_is_inferred():
+    second = 36_035 + T
+    of_day = second // 3600 * 10_000 + second // 60 % 60 * 100 + second % 60
+    (finding,) = [f for f in check(at(of_day)) if f.level == "fault"]
+    assert "no stamp has a second beyond 59" in finding.found
+    assert finding.advice == 'say unit = "hhmmss" in [time]'
+    assert not any("second beyond" in f.found for f in check(at(second)))
+
+
+@pytest.mark.parametrize("places", [True, False])
+def test_a_clock_that_was_set_forward_is_told_from_a_pause(places):
+    def said(tables: dict[str, Table]) -> list[str]:
+        tables = tables if places else {"/speed": tables["/speed"]}
+        return [f.found for f in check(tables) if f.check == "clock_forward"]
+
+    half = COUNT // 2
+    moved = np.where(np.arange(COUNT) < half, 0.0, 600.0)
+    (found,) = said(at(T + moved))
+    assert "nothing for 600.1 s" in found
+    assert ("the car moves" if places else "the speed goes on") in found
+    assert not said(at(T))
+    paused = at(T + moved)
+    speed = np.where(np.arange(COUNT) < half, SPEED, SPEED + 3)
+    paused["/speed"] = replace(paused["/speed"], columns={**paused["/speed"].columns, "v": speed})
+    assert not said(paused)

@@ -229,3 +229,47 @@ def test_a_date_in_a_column_of_its_own_is_the_day_of_the_clock(tmp_path, date, c
     np.testing.assert_allclose(
         table.time * 1e-9 - day.timestamp() - 86_395 + 3600, TIMES, atol=1e-5
     )
+
+
+@pytest.mark.parametrize(
+    ("unit", "count", "rate"),
+    [
+        ("ms", 2**16, 1e3),
+        ("us", 2**32, 1e6),
+        ("ms", 2**32, 1e3),
+        ("s", 86_400, 1),
+        ("s", 604_800, 1),
+    ],
+)
+def test_a_counter_that_begins_anew_goes_on(tmp_path, unit, count, rate):
+    stamps = [f"{(count - 6 * rate + t * rate) % count:.10g}" for t in TIMES]
+    time, result = stamps_of(tmp_path, stamps, f'[time]\nunit = "{unit}"\n')
+    np.testing.assert_allclose((time - time[0]) * 1e-9, TIMES, atol=1e-6)
+    assert any("begins anew: put in one line" in note for note in result.notes)
+    assert not result.losses
+
+
+def test_a_counter_of_64_bits_without_its_sign_is_negative(tmp_path):
+    stamps = [str((round(t * 1e9) - 6 * 10**9) % 2**64) for t in TIMES]
+    time, result = stamps_of(tmp_path, stamps, '[time]\nunit = "ns"\n')
+    np.testing.assert_allclose((time - time[0]) * 1e-9, TIMES, atol=1e-5)
+    assert result.notes == ["the clock begins at -6.000 s: all stamps moved by +7 s"]
+
+
+def test_a_clock_that_was_set_back_goes_on_and_says_so(tmp_path):
+    stamps = [f"{100 + t - (2.0 if k >= 120 else 0):.3f}" for k, t in enumerate(TIMES)]
+    time, result = stamps_of(tmp_path, stamps, '[time]\nunit = "s"\n')
+    np.testing.assert_allclose(time * 1e-9 - 100, TIMES, atol=1e-6)
+    (loss,) = result.losses
+    assert "its clock was set back by 2.000 s at row 121" in loss
+
+
+@pytest.mark.parametrize("stray", [0.0, 4.29e9])
+def test_a_stamp_that_strays_moves_no_other(tmp_path, stray):
+    stamps = [f"{1.7e9 + t:.3f}" for t in TIMES]
+    stamps[100] = str(stray)
+    time, result = stamps_of(tmp_path, stamps, '[time]\nunit = "s"\n')
+    kept = np.delete(np.array(TIMES), 100)
+    near = time[np.abs(time * 1e-9 - 1.7e9) < 1e3]
+    np.testing.assert_allclose(near * 1e-9 - 1.7e9, kept, atol=1e-6)
+    assert result.losses == ["drive.csv: the time column runs backward 1 times; put in order"]

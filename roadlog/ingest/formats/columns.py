@@ -45,7 +45,8 @@ def recording(
         stated = (profile.clock.unit, own.get(clock, ""), times.bracketed(clock))
         stamps = RowClock(times.unit_stated(*stated), profile.clock.zone)
         keep = stamps.add(columns[clock], label)
-        time, said = stamps.stamps(label)
+        time, said, set_back = stamps.stamps(label)
+        losses += set_back
         notes += said
         if lost := len(keep) - len(time):
             losses.append(f"{label}: {lost} rows without a time left out")

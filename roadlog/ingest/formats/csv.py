@@ -113,14 +113,14 @@ def rows(
             reading.take(block)
     if not len(reading.clock):
         reading.nothing()
-    time, notes = reading.clock.stamps(path.name)
+    time, notes, losses = reading.clock.stamps(path.name)
     columns = {
         n: reading.column(n) if n in wanted else absent(len(time))
         for n in found.names
         if n != clock
     }
     frame = Frame("", path.name, time, columns, found.units)
-    return Recording((frame,), tuple(reading.losses()), tuple(notes))
+    return Recording((frame,), (*reading.losses(), *losses), tuple(notes))
 
 
 class _Reading:

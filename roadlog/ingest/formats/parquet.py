@@ -64,7 +64,7 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
                 texts[name] = values[0]
     if not rows.rows:
         raise LogReadError(f"{path}: has columns but no rows")
-    stamps, notes = rows.stamps(path.name)
+    stamps, notes, losses = rows.stamps(path.name)
     columns: dict[str, NDArray] = {
         name: spools[name].column() if name in spools else absent(len(stamps))
         for name in names_
@@ -73,8 +73,8 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     for name, text in texts.items():
         columns[name] = np.broadcast_to(np.array(str(text), object), len(stamps))
     lost = rows.rows - len(stamps)
-    losses = (f"{path.name}: {lost} rows without a time left out",) if lost else ()
-    return Recording((Frame("", path.name, stamps, columns),), losses, tuple(notes))
+    losses += [f"{path.name}: {lost} rows without a time left out"] if lost else []
+    return Recording((Frame("", path.name, stamps, columns),), tuple(losses), tuple(notes))
 
 
 def _opened(path: Path) -> Any:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.ingest.formats import times
+from roadlog.ingest.formats.clock_steps import continued
 from roadlog.spool import Spool, blocks, release
 from roadlog.types import Bools, Stamps
 
@@ -59,8 +60,8 @@ class RowClock:
         self._last, self.days = int(stamps[-1]), int(days[-1])
         return np.asarray(stamps + days * times.DAY + self.day)
 
-    def stamps(self, name: str) -> tuple[Stamps, list[str]]:
-        """All stamps, coarse ones spread evenly, and what there is to say of them."""
+    def stamps(self, name: str) -> tuple[Stamps, list[str], list[str]]:
+        """All stamps, coarse ones spread evenly, and notes and losses to say of them."""
         notes = []
         if self.unit == "hhmmss" and not self.day:
             notes.append(f"{name}: its time is a time of day (hhmmss)")
@@ -69,8 +70,11 @@ class RowClock:
             notes.append(f"{name}: '{self.guessed}' is read with the {order}: nothing tells")
         if self.days:
             notes.append(f"{name}: its clock passes midnight")
-        time, said = spread(self._stamps.column(), name)
-        return time, notes + said
+        tick = times.tick(self.unit)
+        time, counted, lost = continued(self._stamps.column(), tick)
+        time, said = spread(time, name)
+        notes += [f"{name}: {text}" for text in counted] + said
+        return time, notes, [f"{name}: {text}" for text in lost]
 
     def __len__(self) -> int:
         return len(self._stamps)

@@ -47,6 +47,7 @@ _ASCTIME = re.compile(
     r"(?: (?:GMT|UTC)?([+-]\d{2}:\d{2})?)? (\d{4})\s*$"
 )
 LAST_STAMP = 2**62  # ns, year 2116: int64 holds the difference of two stamps too
+UNSIGNED = 2.0**64  # a negative number of 64 bits that lost its sign lies below
 MINUTE = 60 * 10**9 + 10**9  # ns, one with a leap second
 DAY = 86400 * 10**9  # ns
 EXCEL_1970, DATENUM_1970 = 25569.0, 719529.0  # 1970-01-01 in days of spreadsheets and of MATLAB
@@ -128,7 +129,11 @@ def from_numbers(values: NDArray, unit: str) -> tuple[Stamps, Bools]:
     """
     if unit in CLOCK_FORMS:
         return _from_form(values, unit)
-    nanoseconds = round(to_si(unit, "s") * 1e9)
+    nanoseconds = tick(unit)
+    if values.dtype.kind == "f":
+        values = np.where(values >= UNSIGNED / 2, values - UNSIGNED, values)
+    elif values.dtype.kind == "u" and values.dtype.itemsize == 8:
+        values = values.view(np.int64)
     keep: Bools = np.abs(values.astype(np.float64)) < LAST_STAMP / nanoseconds  # not so for NaN
     kept = values[keep]
     if values.dtype.kind in "iu":
@@ -136,6 +141,11 @@ def from_numbers(values: NDArray, unit: str) -> tuple[Stamps, Bools]:
     whole = np.floor(kept)
     rest = np.rint((kept - whole) * nanoseconds).astype(np.int64)
     return whole.astype(np.int64) * nanoseconds + rest, keep
+
+
+def tick(unit: str) -> int:
+    """ns of a unit of time; of texts and forms of clocks a second."""
+    return 10**9 if unit in CLOCK_FORMS or not unit else round(to_si(unit, "s") * 1e9)
 
 
 def _from_form(values: NDArray, form: str) -> tuple[Stamps, Bools]:
