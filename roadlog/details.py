@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from roadlog import field_units
 from roadlog.drive import stale_limit
 from roadlog.estimate import Detail, Estimate
 from roadlog.signals import TRUTH_PREFIX, TRUTH_TOPIC, split_estimate_topic
-from roadlog.storage import schemas
 from roadlog.types import Bools, Floats
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def field_errors(
         truth = by_schema.get(detail.schema)
         if truth is None or len(detail) < 2 or not len(truth):
             continue
-        units = schemas.units(detail.schema)
+        units = field_units.units(detail.schema)
         usable = np.interp(truth.time, estimate.time, estimate.valid.astype(np.float64)) == 1.0
         near = (truth.time >= detail.time[0]) & (truth.time <= detail.time[-1])
         after = np.clip(np.searchsorted(detail.time, truth.time), 1, len(detail) - 1)

@@ -17,6 +17,7 @@ from roadlog import signals
 LAYERS = (
     ("errors", "types", "version", "signals"),
     (
+        "field_units",
         "toml",
         "units",
         "columnar",

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from roadlog import field_units
 from roadlog.signals import SECTIONS
 from roadlog.storage import schemas
 from roadlog.units import UNITS
@@ -45,21 +46,31 @@ def test_own_fields_are_fixed_width_with_presence_and_a_comment() -> None:
                 assert (4, number, 2, index) in commented, f"{where}: say its unit and sign"
 
 
-def test_every_number_of_an_own_message_has_a_unit_that_is_known() -> None:
-    """It goes into the metadata of the channel: a reworded comment must not lose it."""
+MESSAGES = sorted(name for name in schemas.names() if name.startswith("roadlog."))
+
+
+def stated(schema: str) -> dict[str, str]:
+    """Field -> unit by the comments of the .proto (`// m/s2, what it is`), of numbers only."""
+    wanted = schemas.descriptor(schema)
+    file = next(file for file in schemas.shipped().file if file.name == wanted.file.name)
+    index = [message.name for message in file.message_type].index(wanted.name)
+    fields = [field.name for field in file.message_type[index].field]
+    kinds = schemas.columns(schema)
+    found = {}
+    for place in file.source_code_info.location:
+        path = list(place.path)  # 4: message_type, 2: field (descriptor.proto)
+        if len(path) == 4 and path[:3] == [4, index, 2] and kinds[fields[path[3]]].kind == "f":
+            unit = place.trailing_comments.split(",")[0].strip()
+            found[fields[path[3]]] = unit.replace("s2", "s^2").replace("rad2", "rad^2")
+    return found
+
+
+@pytest.mark.parametrize("schema", MESSAGES)
+def test_comments_state_the_units_of_the_table(schema: str) -> None:
+    assert stated(schema) == field_units.units(schema)
+
+
+def test_the_table_names_nothing_else_and_known_units_only() -> None:
+    assert set(field_units.UNITS) <= set(MESSAGES)
     known = {*UNITS, "L", "rad^2", "rad/(m/s^2)"}
-    for file in schemas.shipped().file:
-        for message in file.message_type if file.package == "roadlog.v1" else ():
-            schema = f"roadlog.v1.{message.name}"
-            stated = schemas.units(schema)
-            for field, dtype in schemas.columns(schema).items():
-                if dtype.kind == "f":
-                    assert stated.get(field) in known, f"{message.name}.{field}"
-
-
-@pytest.mark.parametrize("section", SECTIONS.values(), ids=SECTIONS)
-def test_comments_of_a_message_state_the_units_of_the_vocabulary(section) -> None:
-    stated = schemas.units(section.schema)
-    assert {s.field: stated.get(s.field, "-") for s in section.signals} == {
-        s.field: s.unit for s in section.signals
-    }
+    assert all(set(fields.values()) <= known for fields in field_units.UNITS.values())

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from roadlog import field_units
 from roadlog.storage import definitions, records, schemas
 from roadlog.storage.definitions import PRIMITIVES, Types
 from roadlog.storage.messages import HEAD, Wire
@@ -68,7 +69,7 @@ def definition(table: Table) -> str:
     """The ROS 2 message definition of a table, with those it uses."""
     if table.schema in STANDARD:
         return STANDARD[table.schema]
-    units = schemas.units(table.schema)
+    units = field_units.units(table.schema)
     lines = [f"# {table.schema}; NaN where a value is unknown", "std_msgs/Header header"]
     for field in schemas.descriptor(table.schema).fields:
         code = SCALARS.get(field.type, (0, ""))[1]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from functools import cache
 from importlib.resources import files
 
@@ -23,8 +22,6 @@ DTYPES: dict[int, np.dtype] = {
     FieldDescriptor.TYPE_BOOL: np.dtype("?"),
     FieldDescriptor.TYPE_ENUM: np.dtype("<i4"),
 }
-
-MAX_UNIT = 10  # characters; a longer beginning of a comment is a sentence
 
 
 @cache
@@ -77,25 +74,3 @@ def columns(schema: str) -> dict[str, np.dtype]:
     """Field name -> dtype of one flat shipped message."""
     fields = descriptor(schema).fields
     return {field.name: DTYPES[field.type] for field in fields if field.type in DTYPES}
-
-
-@cache
-def units(schema: str) -> dict[str, str]:
-    """Field name -> unit, out of the comments of the schema (`// m/s2, what it is`).
-
-    None for a type of others.
-    """
-    if schema not in names():
-        return {}
-    wanted = descriptor(schema)
-    file = next(file for file in shipped().file if file.name == wanted.file.name)
-    index = [message.name for message in file.message_type].index(wanted.name)
-    fields = [field.name for field in file.message_type[index].field]
-    result = {}
-    for location in file.source_code_info.location:
-        path = list(location.path)  # 4: message_type, 2: field (descriptor.proto)
-        if len(path) == 4 and path[:3] == [4, index, 2] and location.trailing_comments:
-            unit = location.trailing_comments.split(",")[0].strip()
-            if len(unit) <= MAX_UNIT and unit != "no unit":
-                result[fields[path[3]]] = re.sub(r"([a-z])2\b", r"\1^2", unit)
-    return result

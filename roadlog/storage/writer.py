@@ -20,6 +20,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from roadlog import field_units
 from roadlog.errors import ConfigError, near
 from roadlog.files import replacing
 from roadlog.storage import journal, records, ros2_messages, schemas
@@ -93,7 +94,7 @@ class Writer:
             schema = Schema(_free({*self.schemas, *self.taken_schemas}), name, kind, data)
             self.schemas[schema.id] = schema
             self.put(schema.pack())
-        metadata = {f"unit.{n}": u for n, u in schemas.units(table.schema).items()}
+        metadata = {f"unit.{n}": u for n, u in field_units.units(table.schema).items()}
         metadata |= table.metadata
         channel = ChannelRecord(
             _free({*self.channels, *self.taken}), schema.id, table.topic, self.encoding, metadata
