@@ -14,6 +14,7 @@ import numpy as np
 from roadlog import field_units
 from roadlog.drive import stale_limit
 from roadlog.estimate import Detail, Estimate
+from roadlog.for_viewers import is_for_viewers
 from roadlog.signals import TRUTH_PREFIX, TRUTH_TOPIC, split_estimate_topic
 from roadlog.types import Bools, Floats
 
@@ -86,15 +87,20 @@ class FieldErrors:
 
 def details_of(log: DriveLog, estimator: str) -> dict[str, Detail]:
     """All further channels of one estimator by name."""
-    topics = {c.topic: split_estimate_topic(c.topic) for c in log.channels}
+    topics = {t: split_estimate_topic(t) for t in _topics(log)}
     found = {t: p[1] for t, p in topics.items() if p and p[0] == estimator}
     return _read(log, {topic: name for topic, name in found.items() if name != "angles"})
 
 
 def true_details(log: DriveLog) -> dict[str, Detail]:
     """Truth beside the angles, such as tire forces and sideslip, by name."""
-    topics = [c.topic for c in log.channels if c.topic.startswith(TRUTH_PREFIX)]
+    topics = [t for t in _topics(log) if t.startswith(TRUTH_PREFIX)]
     return _read(log, {t: t.removeprefix(TRUTH_PREFIX) for t in topics if t != TRUTH_TOPIC})
+
+
+def _topics(log: DriveLog) -> list[str]:
+    """But those that repeat the angles for other viewers."""
+    return [c.topic for c in log.channels if not is_for_viewers(c.topic)]
 
 
 def _read(log: DriveLog, names: Mapping[str, str]) -> dict[str, Detail]:
