@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from roadlog import results
+from roadlog.bag_folder import name_results
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import DEFAULT_RATE, Drive, without_strays
 from roadlog.errors import LogReadError, MissingSignalError, near
@@ -346,6 +347,8 @@ class DriveLog:
             )
         if out is None:
             self._open()  # the file is another one now
+            if as_ros2:
+                name_results(self.path, self.channels)
 
     def _records(self, vehicle: Vehicle | None) -> dict[str, dict[str, str]]:
         """What goes into the log besides results: the vehicle that was given, the profile."""

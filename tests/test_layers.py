@@ -44,6 +44,7 @@ LAYERS = (
     ("estimators", "simulate"),
     ("calibrate", "ingest"),
     ("results",),
+    ("bag_folder",),
     ("log",),
     ("summary", "export", "verify", "roadlog"),
     ("view", "reproduce", "doctor"),
