@@ -16,11 +16,11 @@ from roadlog import results
 from roadlog.bag_folder import name_results
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import DEFAULT_RATE, Drive, without_strays
-from roadlog.errors import LogReadError, MissingSignalError, near
+from roadlog.errors import ConfigError, LogReadError, MissingSignalError, near
 from roadlog.estimate import Detail, Estimate
 from roadlog.files import changed
 from roadlog.location_fix import location_fix
-from roadlog.results import is_result
+from roadlog.results import IN_PLACE, is_result
 from roadlog.signals import (
     FIX_TOPIC,
     INPUTS,
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from roadlog.metrics import Evaluation
 
 OWN = "roadlog."  # package of roadlog's messages
-IN_PLACE = "in place"  # the profile record of an MCAP whose own topics it explains
 FIRST = 1_000_000_000  # ns of a log that are looked at for where its inputs begin
 _SIGNALS = frozenset(section.topic for section in SECTIONS.values())
 
@@ -48,8 +47,9 @@ class DriveLog:
 
     profile: a profile file or the name of a shipped one, for a third-party MCAP; without it the one
     that an earlier run stored in the file counts, or the shipped one that the message types ask
-    for. recover: put the file back where a change of it was interrupted; else it is only read as
-    it was before. All times in s count from the first sample of any input.
+    for. clock: which time of its messages counts, log, publish or header (their own stamp), instead
+    of the profile's. recover: put the file back where a change of it was interrupted; else it is
+    only read as it was before. All times in s count from the first sample of any input.
     Raises LogReadError when the file is no readable MCAP, ConfigError.
     """
 
@@ -57,11 +57,12 @@ class DriveLog:
         self,
         path: Path | str,
         profile: Path | str | None = None,
+        clock: str = "",
         *,
         recover: bool = True,
     ) -> None:
         self.path = Path(path)
-        self.given = profile
+        self.given, self.clock = profile, clock
         self._open(recover)
 
     def _open(self, recover: bool = True) -> None:
@@ -72,6 +73,7 @@ class DriveLog:
         self.start_ns = self._reader.start_ns
         self.end_ns = self._reader.end_ns
         self.losses: list[str] = self._reader.losses
+        self.notes: list[str] = []  # on the clocks of a third-party log
         for name in ("profile", "vehicle", "drive_start_ns", "_mapped"):
             self.__dict__.pop(name, None)  # what was known of the file before it was written
 
@@ -86,7 +88,11 @@ class DriveLog:
         self._reader.source.close()
 
     def __reduce__(self) -> tuple:
-        return DriveLog, (self.path, self.given)  # another process opens the file itself
+        return DriveLog, (
+            self.path,
+            self.given,
+            self.clock,
+        )  # another process opens the file itself
 
     def __repr__(self) -> str:
         seconds = 0.0
@@ -130,17 +136,15 @@ class DriveLog:
         """
         record = self.metadata.get("profile", {})
         if self.given is None and record.get("use") != IN_PLACE and self._has_own_messages:
+            if self.clock:
+                raise ConfigError(f"{self.path}: is a log of roadlog's own, it has one clock only")
             return None
         from roadlog.ingest import foreign
-        from roadlog.ingest.profile import Profile, shipped
 
-        if self.given is not None:
-            return Profile.load(self.given)
-        if record.get("use") == IN_PLACE:
-            where = f"{self.path}: metadata 'profile'"
-            stored = Profile.from_toml(record.get("toml", ""), record.get("name", ""), where)
-            return replace(stored, family=record["name"] in shipped())
-        return None if self.start_ns is None else foreign.own_profile(self.path)
+        if self.given is None and record.get("use") != IN_PLACE and self.start_ns is None:
+            return None
+        found = foreign.explained(self.path, self.given, record)
+        return found.on_clock(self.clock or record.get("clock", ""))
 
     @property
     def _has_own_messages(self) -> bool:
@@ -164,7 +168,7 @@ class DriveLog:
             return {}
         from roadlog.ingest import foreign
 
-        found, losses = foreign.tables(self.path, self.profile)
+        found, losses, self.notes = foreign.tables(self.path, self.profile)
         self.losses += [loss for loss in losses if loss not in self.losses]
         return found
 
@@ -357,7 +361,8 @@ class DriveLog:
             records["vehicle"] = {"toml": vehicle.to_toml()}
         if self.profile is not None:
             origin = {"name": self.profile.name, "toml": self.profile.text}
-            records["profile"] = origin | {"use": IN_PLACE}
+            clock = self.clock or self.metadata.get("profile", {}).get("clock", "")
+            records["profile"] = origin | {"use": IN_PLACE} | ({"clock": clock} if clock else {})
         return records
 
     def _check_same(self, now: LogReader) -> None:

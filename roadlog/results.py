@@ -14,6 +14,8 @@ from roadlog.storage import LogReader, Table
 if TYPE_CHECKING:
     from roadlog.checks import Finding
 
+IN_PLACE = "in place"  # the profile record of an MCAP whose own topics it explains
+
 
 def is_result(topic: str) -> bool:
     """Whether it is a topic of an estimate."""

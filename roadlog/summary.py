@@ -93,8 +93,9 @@ def summarize(log: DriveLog) -> LogSummary:
         Finding("stray_stamps", "note", (topic,), said, "leave the topic out, or mend its clock")
         for topic, said in strays.items()
     ]
+    found += [Finding("clocks", "note", (), note) for note in log.notes]
     try:
-        found += checks.check(tables, log.vehicle)
+        found += checks.check(_own(tables, log), log.vehicle)
         drive = Drive.from_tables(tables.values())
     except LogReadError as error:
         advice = "`roadlog profile new` maps others"
@@ -108,6 +109,15 @@ def summarize(log: DriveLog) -> LogSummary:
         found,
         _estimators(drive, log),
     )
+
+
+def _own(tables: Mapping[str, Table], log: DriveLog) -> dict[str, Table]:
+    """The channels that count: of a third-party log what its profile makes of it."""
+    try:
+        is_mapped = log.profile is not None
+    except LogReadError:
+        is_mapped = False
+    return {t: x for t, x in tables.items() if not is_mapped or t in SECTION_OF}
 
 
 def corrections(record: Mapping[str, str]) -> list[str]:

@@ -129,7 +129,7 @@ def jumps(tables: Mapping[str, Table]) -> list[Finding]:
             "fault",
             tuple(topics),
             f"the clock jumps back by {size} s",
-            'cut the log there, or use another stamp ([time] clock = "header" or "publish")',
+            "cut the log there, or use another stamp (--clock header or publish of a bag or MCAP)",
             float(at),
             float(size),
         )

@@ -67,7 +67,7 @@ def stamps(tables: Mapping[str, Table]) -> list[Finding]:
                     (topic,),
                     f"{backward} stamps run backward, {twice} repeat the one before",
                     "the logger's clock jumped or two recorders write one channel: use another "
-                    'stamp ([time] clock = "header" or "publish"), or cut the log there',
+                    "stamp (--clock header or publish of a bag or MCAP), or cut the log there",
                     _seconds(tables, int(table.time[first])),
                     float(backward + twice),
                 )

@@ -48,7 +48,7 @@ class Target:
         console.note(f"{log.path}: a third-party log: results go into {out}")
         if not out.exists():
             return log, replace(self, out=out)
-        earlier = DriveLog(out, log.given)
+        earlier = DriveLog(out, log.given, clock=log.clock)
         if earlier.is_third_party or not earlier.holds_messages_of(log):
             raise LogWriteError(
                 f"{out}: is there already and no copy of {log.path.name} with results; give -o, or "
@@ -67,6 +67,7 @@ class Work:
 
     names: list[str] | None
     profile: str | None
+    clock: str
     vehicle: Vehicle | None
     settings: dict[str, dict[str, str]]
     engine: EngineChoice
@@ -116,6 +117,7 @@ def estimate(
         Path | None, typer.Option(help="Vehicle file (TOML), instead of the log's own.")
     ] = None,
     profile: options.TopicProfile = None,
+    clock: options.MessageClock = None,
     settings: Settings = None,
     engine: Annotated[str, typer.Option(help="compiled (numba), reference (filterpy) or both.")] = (
         "compiled"
@@ -144,7 +146,7 @@ def estimate(
     given = Vehicle.load(vehicle) if vehicle else None
     target = Target(out, in_place, in_place_anyway, form == "ros2")
     choice = cast("EngineChoice", engine)
-    work = Work(names, profile, given, parsed, choice, rate, checks, target)
+    work = Work(names, profile, clock or "", given, parsed, choice, rate, checks, target)
     with output(out, [*logs, vehicle, profile], force=force):
         _estimate_all(logs, work, as_json)
 
@@ -188,7 +190,7 @@ def _estimate_log(path: Path, work: Work) -> tuple[dict[str, Any], list[str]]:
     from roadlog.estimators.engines import run_on
     from roadlog.log import DriveLog
 
-    log, target = work.target.of(DriveLog(path, work.profile))
+    log, target = work.target.of(DriveLog(path, work.profile, clock=work.clock))
     tables = log.inputs()
     drive = log.drive(work.rate, tables)
     vehicle = log.as_mounted(work.vehicle) if work.vehicle else log.vehicle

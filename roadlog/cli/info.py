@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 def info(
     log: Annotated[Path, typer.Argument(help="An MCAP log.")],
     profile: options.TopicProfile = None,
+    clock: options.MessageClock = None,
     as_json: options.AsJson = False,
 ) -> None:
     """Show channels, signals, what looks wrong, and which estimators can run.
@@ -26,7 +27,7 @@ def info(
     from roadlog.log import DriveLog
     from roadlog.summary import summarize
 
-    opened = DriveLog(log, profile, recover=False)
+    opened = DriveLog(log, profile, clock=clock or "", recover=False)
     summary = summarize(opened)
     if as_json:
         console.print_json(asdict(summary))

@@ -14,6 +14,15 @@ if TYPE_CHECKING:
     from roadlog.ingest import IngestResult
 
 
+TimeOffset = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="[FILE=]SECONDS",
+        help="Add to a source's clock instead of an estimate; without FILE, to the second's.",
+    ),
+]
+
+
 def ingest(
     sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="Files or folders.")],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT.mcap", help="The log to write.")],
@@ -37,13 +46,7 @@ def ingest(
             "of grade over distance, or over latitude and longitude.",
         ),
     ] = None,
-    time_offset: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="[FILE=]SECONDS",
-            help="Add to a source's clock instead of an estimate; without FILE, to the second's.",
-        ),
-    ] = None,
+    time_offset: TimeOffset = None,
     timezone: Annotated[
         str,
         typer.Option(
@@ -51,6 +54,7 @@ def ingest(
             help="Of sources whose stamps are in a local time: Europe/Berlin or +01:00.",
         ),
     ] = "",
+    clock: options.MessageClock = None,
     vehicle: Annotated[Path | None, typer.Option(help="Vehicle file to keep in the log.")] = None,
     force: options.Force = False,
 ) -> None:
@@ -70,7 +74,7 @@ def ingest(
     given = Vehicle.load(vehicle) if vehicle else None
     offsets = _offsets(time_offset or [], sources)
     with output(out, [*sources, profile, *map(_file, dbc or []), truth_from, vehicle], force=force):
-        result = read(sources, profile, dbc or [], truth_from, offsets, timezone)
+        result = read(sources, profile, dbc or [], truth_from, offsets, timezone, clock or "")
         create(out, result.tables, result.metadata, given)
     _print(result, out)
     console.warn_losses(result.losses)

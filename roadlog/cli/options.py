@@ -6,6 +6,15 @@ from typing import Annotated
 
 import typer
 
+
+def _checked_clock(clock: str | None) -> str | None:
+    from roadlog.ingest.profile import CLOCKS
+
+    if clock is not None and clock not in CLOCKS:
+        raise typer.BadParameter(f"must be {', '.join(CLOCKS[:-1])} or {CLOCKS[-1]}")
+    return clock
+
+
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace the output if it is there.")]
 Estimators = Annotated[
@@ -16,5 +25,15 @@ TopicProfile = Annotated[
     str | None,
     typer.Option(
         "--profile", metavar="NAME|FILE", help="What the topics of a third-party MCAP mean."
+    ),
+]
+MessageClock = Annotated[
+    str | None,
+    typer.Option(
+        "--clock",
+        metavar="log|publish|header",
+        callback=_checked_clock,
+        help="Which time of the messages of a bag or MCAP counts: of recording, of publishing, or "
+        "their own stamp.",
     ),
 ]

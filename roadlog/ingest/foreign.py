@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from roadlog.errors import LogReadError
@@ -9,8 +11,23 @@ from roadlog.ingest import mapping, typed
 from roadlog.ingest.formats import mcap
 from roadlog.ingest.grid import one_grid
 from roadlog.ingest.profile import Profile, shipped
+from roadlog.results import IN_PLACE
 from roadlog.signals import INPUTS
 from roadlog.storage import Table
+
+
+def explained(path: Path, given: Path | str | None, record: Mapping[str, str]) -> Profile:
+    """The profile that was given, that a log's record holds, or that its messages ask for.
+
+    Raises LogReadError where nothing fits, ConfigError for a faulty profile.
+    """
+    if given is not None:
+        return Profile.load(given)
+    if record.get("use") != IN_PLACE:
+        return own_profile(path)
+    where = f"{path}: metadata 'profile'"
+    stored = Profile.from_toml(record.get("toml", ""), record.get("name", ""), where)
+    return replace(stored, family=record["name"] in shipped())
 
 
 def own_profile(path: Path) -> Profile:
@@ -27,8 +44,8 @@ def own_profile(path: Path) -> Profile:
     return found
 
 
-def tables(path: Path, profile: Profile) -> tuple[dict[str, Table], list[str]]:
-    """Topic -> table of what a profile maps, and sentences on what was lost.
+def tables(path: Path, profile: Profile) -> tuple[dict[str, Table], list[str], list[str]]:
+    """Topic -> table of what a profile maps; sentences on what was lost, and on clocks.
 
     Raises ConfigError for a profile that does not fit, LogReadError.
     """
@@ -36,6 +53,5 @@ def tables(path: Path, profile: Profile) -> tuple[dict[str, Table], list[str]]:
     frames = [frame for frame in recording.frames if len(frame)]
     located, _ = mapping.locate(profile, frames)
     signals, _ = mapping.signals(profile, located)
-    return {table.topic: table for table in mapping.tables(one_grid(signals)[0])}, list(
-        recording.losses
-    )
+    found = {table.topic: table for table in mapping.tables(one_grid(signals)[0])}
+    return found, list(recording.losses), list(recording.notes)

@@ -58,6 +58,11 @@ class Clock:
     clock: str = "log"
     zone: str = ""
 
+    @property
+    def is_own(self) -> bool:
+        """Whether it is another one than that of the recording."""
+        return bool(self.column) or self.clock != "log"
+
 
 @dataclass(frozen=True)
 class Condition:
@@ -113,6 +118,13 @@ class Profile:
         """The same on the clock of one source file."""
         found = (clock for pattern, clock in self.clocks if fnmatch(name, pattern))
         return replace(self, clock=next(found, self.clock))
+
+    def on_clock(self, which: str) -> Profile:
+        """The same on another clock of messages (one of CLOCKS); itself for none."""
+        if not which:
+            return self
+        _known(which, CLOCKS, f"unknown clock '{which}'")
+        return replace(self, clock=replace(self.clock, clock=which, column=""), clocks=())
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Profile:

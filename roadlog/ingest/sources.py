@@ -61,6 +61,10 @@ class Source:
         clock = replace(self.profile.clock, zone=timezone)
         return replace(self, profile=replace(self.profile, clock=clock))
 
+    def on_clock(self, clock: str) -> Source:
+        """The same on another clock of messages, where it has messages. Raises ConfigError."""
+        return replace(self, profile=self.profile.on_clock(clock)) if self.format.is_typed else self
+
     def read(self, dbc: Sequence[Path]) -> Recording:
         """What it holds. Raises LogReadError, ConfigError, MissingExtraError."""
         with readable(self.path):
@@ -74,6 +78,7 @@ def ingest(
     truth_from: str | Path | None = None,
     time_offsets: Mapping[str, float] | None = None,
     timezone: str = "",
+    clock: str = "",
 ) -> IngestResult:
     """Read the sources of one drive and map them.
 
@@ -82,12 +87,14 @@ def ingest(
     CAN frames, `BUS=FILE` for one bus. truth_from: a reference grade, from the altitude (`gnss`)
     or a surveyed table (a file). time_offsets: file name -> s
     to add to its clock, instead of an estimate. timezone: of sources whose stamps are in a local
-    time, `Europe/Berlin` or `+01:00`. Raises LogReadError for an unreadable source, ConfigError
-    for a profile that does not fit.
+    time, `Europe/Berlin` or `+01:00`. clock: which time of the messages of a bag or MCAP counts,
+    log, publish or header, instead of the profile's. Raises LogReadError for an unreadable source,
+    ConfigError for a profile that does not fit.
     """
     given = Profile.load(profile) if isinstance(profile, (str, Path)) else profile
     paths, databases, ignored = expanded([Path(source) for source in sources], dbc)
-    opened = [open_source(path, given, databases).in_zone(timezone) for path in paths]
+    found = [open_source(path, given, databases).in_zone(timezone) for path in paths]
+    opened = _on_clock(found, clock)
     recordings = [source.read(databases) for source in opened]
     profiles = list({source.profile.name: source.profile for source in opened}.values())
     groups, mapped, over, lacking, doubts = [], [], [], [], []
@@ -112,19 +119,25 @@ def ingest(
         tables = [t for t in tables if t.topic != made.topic] + [made]
     losses = [loss for recording in recordings for loss in recording.losses]
     losses += [loss for recording in recordings for loss in _backward(recording)]
-    metadata = {
-        "profile": {
-            "name": ", ".join(p.name for p in profiles),
-            "toml": "\n".join(p.text for p in profiles),
-        },
-        "source": {"files": json.dumps(_digests(paths), sort_keys=True)},
-    }
-    found = [] if given else [f"{s.path.name}: profile {s.profile.name}" for s in opened]
-    notes = [f"{words}, found by itself" for words in found]
+    profile_record = {
+        "name": ", ".join(p.name for p in profiles),
+        "toml": "\n".join(p.text for p in profiles),
+    } | ({"clock": clock} if clock else {})
+    files = json.dumps(_digests(paths), sort_keys=True)
+    metadata = {"profile": profile_record, "source": {"files": files}}
+    words = [] if given else [f"{s.path.name}: profile {s.profile.name}" for s in opened]
+    notes = [f"{text}, found by itself" for text in words]
     notes += [note for recording in recordings for note in recording.notes] + said + moved
     notes += doubts + [f"check: {finding}" for finding in beyond({t.topic: t for t in tables})[0]]
     notes += [f"not a source: {', '.join(ignored)}"] if ignored else []
     return IngestResult(tables, metadata, mapped, over, lacking, notes, gaps(tables), losses)
+
+
+def _on_clock(sources: Sequence[Source], clock: str) -> list[Source]:
+    if clock and not any(source.format.is_typed for source in sources):
+        where = sources[0].path.name if sources else "nothing"
+        raise ConfigError(f"{where}: only messages of a bag or MCAP have a clock to choose")
+    return [source.on_clock(clock) for source in sources]
 
 
 def expanded(

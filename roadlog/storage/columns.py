@@ -151,11 +151,14 @@ class Columns:
             matrix[:, MESSAGE_HEAD:] = np.frombuffer(b"".join(alike), np.uint8).reshape(-1, size)
             self._fill(matrix, varying(matrix), rows)
 
-    def finish(self) -> tuple[Stamps, dict[str, NDArray]]:
-        """Times and columns in time order; equal times stay in the order of the file."""
+    def finish(self, ordered: bool = True) -> tuple[Stamps, dict[str, NDArray]]:
+        """Times and columns in time order; equal times stay in the order of the file.
+
+        ordered: put them so; else all are in the order of the file.
+        """
         time = self._time[: self.count]
         columns = {name: values[: self.count] for name, values in self._columns.items()}
-        if (time[1:] < time[:-1]).any():
+        if ordered and (time[1:] < time[:-1]).any():
             order = np.argsort(time, kind="stable")
             time = time[order]
             columns = {name: values[order] for name, values in columns.items()}

@@ -50,6 +50,8 @@ class LogReader:
     of it was interrupted; else it is only read as it was before. Raises LogReadError.
     """
 
+    has_publish = True  # a time of publishing beside that of recording
+
     def __init__(self, path: Path, *, strict: bool = False, recover: bool = True) -> None:
         self.path = Path(path)
         self.strict = strict
@@ -90,11 +92,13 @@ class LogReader:
         start_ns: int | None = None,
         end_ns: int | None = None,
         clock: str = "log",
+        ordered: bool = True,
     ) -> dict[str, Table]:
         """Columns of the channels on the given topics (default: all), in time order.
 
         fields: topic -> wanted field paths (default: all). start_ns, end_ns: log times from, and
         up to but without. clock: which of a message's times the tables hold, "log" or "publish".
+        ordered: else the messages of a channel are in the order of the file.
         Raises MissingSignalError, LogReadError.
         """
         known = {channel.topic: channel for channel in self.channels}
@@ -129,7 +133,7 @@ class LogReader:
             parts[channel.topic].append(
                 Part(channel.encoding, self._schema(channel), found, channel.metadata)
             )
-        return {topic: one_table(topic, own, self._lose) for topic, own in parts.items()}
+        return {topic: one_table(topic, own, self._lose, ordered) for topic, own in parts.items()}
 
     def units(self, topic: str) -> Mapping[str, str]:
         """Field path -> unit, where the schema of a topic states it."""

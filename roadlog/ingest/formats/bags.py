@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -50,6 +50,7 @@ class Bag(ABC):
     connections: dict[int, Connection] = field(default_factory=dict)
     losses: list[str] = field(default_factory=list)
     start_ns: int | None = None
+    has_publish: ClassVar[bool] = False
 
     @abstractmethod
     def batches(self, connections: set[int], end_ns: int | None = None) -> Iterator[Batch]:
@@ -72,6 +73,7 @@ class Bag(ABC):
         fields: Mapping[str, Sequence[str]] | None = None,
         end_ns: int | None = None,
         clock: str = "log",
+        ordered: bool = True,
     ) -> dict[str, Table]:
         """Columns of some topics; a bag has one clock besides that of the messages."""
         del clock
@@ -91,7 +93,7 @@ class Bag(ABC):
         for number, found in columns.items():
             own = self.connections[number]
             parts[own.topic].append(Part(own.encoding, own.schema, found, {}))
-        return {topic: one_table(topic, own, self._lose) for topic, own in parts.items()}
+        return {topic: one_table(topic, own, self._lose, ordered) for topic, own in parts.items()}
 
     def units(self, topic: str) -> Mapping[str, str]:
         """Field path -> unit, where the definition states it."""

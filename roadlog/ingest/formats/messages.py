@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
@@ -12,22 +12,15 @@ from numpy.typing import NDArray
 
 from roadlog import stamps
 from roadlog.errors import LogReadError
-from roadlog.ingest.formats import can, can_messages, times
+from roadlog.ingest.formats import can, can_messages, message_clocks
 from roadlog.ingest.formats.derived import Derived, derived
+from roadlog.ingest.formats.message_clocks import Stamped
 from roadlog.ingest.frame import Frame, Recording, absent, unread
 from roadlog.ingest.profile import Clock, Profile
 from roadlog.storage import Channel, Table
-from roadlog.types import Bools, Floats, Stamps
+from roadlog.types import Bools, Floats
 
 FIRST = 2_000_000_000  # ns of each topic that are looked at for its fields
-APART = 0.05  # s; clocks that differ by more are not one
-OTHER_EPOCH = 86400.0  # s; a device's clock that is further off counts from another moment
-# seconds and nanoseconds of a message's own stamp, as ROS, protobuf and JSON spell them
-HEADERS = [
-    (f"{stamp}.{second}", f"{stamp}.{rest}")
-    for stamp in ("header.stamp", "timestamp", "stamp", "header.timestamp", "fixes.0.timestamp")
-    for second, rest in (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs"))
-] + [(f"{stamp}.seconds", f"{stamp}.nanos") for stamp in ("timestamp", "header.timestamp", "stamp")]
 
 
 class Reader(Protocol):
@@ -37,6 +30,8 @@ class Reader(Protocol):
     start_ns: int | None
 
     @property
+    def has_publish(self) -> bool: ...  # a time beside that of recording
+    @property
     def channels(self) -> tuple[Channel, ...]: ...
     def read(
         self,
@@ -45,6 +40,7 @@ class Reader(Protocol):
         fields: Mapping[str, Sequence[str]] | None = None,
         end_ns: int | None = None,
         clock: str = "log",
+        ordered: bool = True,
     ) -> dict[str, Table]: ...
     def units(self, topic: str) -> Mapping[str, str]: ...
     def texts(self, topic: str) -> Mapping[str, str]: ...
@@ -104,51 +100,98 @@ def recording(
     a topic that does not have that one keeps the time of recording, which is said. label: the
     name of the source. dbc: databases for topics of CAN frames. Raises LogReadError.
     """
-    frames: list[Frame] = []
-    losses: list[str] = []
-    notes: list[str] = []
-    clocks: dict[str, _Stamped] = {}
-    decoder = can.Decoder(can.load(dbc), label, profile) if dbc else None
+    read = _Read(profile, label, can.Decoder(can.load(dbc), label, profile) if dbc else None)
     for topic in topics(readers).values():
-        if decoder and can_messages.is_can(topic.kind):
-            stamp = _stamp(profile.clock, topic.fields)
-            table = _read(topic, [*can_messages.FIELDS, *stamp], profile.clock)
-            stamped = _stamped(table, profile.clock, stamp)
-            rows = {name: _rows(column, stamped.keep) for name, column in table.columns.items()}
-            decoder.add(can_messages.frames(stamped.time, rows, topic.name))
-            continue
-        more = _derived(profile, topic)
-        wanted = [f for f in topic.fields if profile.reads(f, topic.name, topic.kind)]
-        if not wanted and not more:
-            frames.append(unread(topic.name, label, topic.fields, topic.kind))
-            continue
-        inner = {name for made in more.values() for name in made.fields}
-        stamp = _stamp(profile.clock, topic.fields)
-        table = _read(topic, list(dict.fromkeys([*wanted, *inner, *stamp])), profile.clock)
-        stamped = clocks[topic.name] = _stamped(table, profile.clock, stamp)
-        if lost := len(table) - len(stamped.time):
-            losses.append(f"{label}: {topic.name}: {lost} messages without a time left out")
-        columns: dict[str, NDArray] = {
-            f: _rows(table.columns[f], stamped.keep) if f in wanted else absent(len(stamped.time))
-            for f in topic.fields
-        }
-        columns |= {n: _rows(made.of(table.columns), stamped.keep) for n, made in more.items()}
-        units = dict(topic.readers[0].units(topic.name))
-        own = Frame(topic.name, label, stamped.time, columns, units, topic.kind)
-        frames.append(replace(own, frame_id=_frame_id(topic)))
-    if decoder and decoder.heard:
-        decoded = decoder.recording()
-        frames += decoded.frames
-        losses += decoded.losses
-        notes += decoded.notes
-    losses += _mixed(clocks, label)
-    notes += [f"{label}: {topic}: {c.note}" for topic, c in clocks.items() if c.note]
-    frames, strays = _without_strays(frames, clocks)
-    losses += [f"{label}: {stray}" for stray in strays]
+        read.add(topic)
+    frames, losses, notes = read.finish()
     losses += [f"{label}: {loss}" for loss in dict.fromkeys(x for r in readers for x in r.losses)]
     if not frames:
         raise LogReadError("; ".join([f"{label}: holds no message with numbers", *losses]))
     return Recording(tuple(frames), tuple(losses), tuple(notes))
+
+
+@dataclass
+class _Read:
+    """Topics on their way to frames. stamped: times of each topic. can: frames of buses."""
+
+    profile: Profile
+    label: str
+    decoder: can.Decoder | None
+    frames: list[Frame] = field(default_factory=list)
+    stamped: dict[str, Stamped] = field(default_factory=dict)
+    can: dict[str, dict[str, NDArray]] = field(default_factory=dict)
+
+    def add(self, topic: Topic) -> None:
+        """Read a topic, as far as the profile wants it."""
+        if self.decoder and can_messages.is_can(topic.kind):
+            table, found = self._timed(topic, can_messages.FIELDS)
+            self.can[topic.name] = {n: _rows(c, found.keep) for n, c in table.columns.items()}
+            self.stamped[topic.name] = found
+            return
+        more = _derived(self.profile, topic)
+        wanted = [f for f in topic.fields if self.profile.reads(f, topic.name, topic.kind)]
+        if not wanted and not more:
+            self.frames.append(unread(topic.name, self.label, topic.fields, topic.kind))
+            return
+        inner = {name for made in more.values() for name in made.fields}
+        table, found = self._timed(topic, [*wanted, *inner])
+        read = {name: column for name, column in table.columns.items() if name in wanted}
+        found = message_clocks.without_false(found, read, lambda: self._cure(topic, found))
+        columns: dict[str, NDArray] = {
+            f: _rows(table.columns[f], found.keep) if f in wanted else absent(len(found.time))
+            for f in topic.fields
+        }
+        columns |= {n: _rows(made.of(table.columns), found.keep) for n, made in more.items()}
+        units = dict(topic.readers[0].units(topic.name))
+        frame = Frame(topic.name, self.label, found.time, columns, units, topic.kind)
+        self.frames.append(replace(frame, frame_id=_frame_id(topic)))
+        self.stamped[topic.name] = found
+
+    def _timed(self, topic: Topic, fields: Iterable[str]) -> tuple[Table, Stamped]:
+        """The fields of a topic and the times of its messages."""
+        clock = self.profile.clock
+        stamp = message_clocks.fields_of(clock, list(topic.fields))
+        table = _read(topic, list(dict.fromkeys([*fields, *stamp])), clock)
+        is_publish = clock.clock == "publish" and not clock.column
+        if is_publish and not all(reader.has_publish for reader in topic.readers):
+            return table, Stamped(table.time, np.ones(len(table), np.bool_), own=False)
+        recorded = _read(topic, [], Clock()).time if is_publish else table.time
+        return table, message_clocks.stamped(table, recorded, clock, stamp)
+
+    def _cure(self, topic: Topic, found: Stamped) -> str:
+        """What to do where the clock of a topic is wrong."""
+        header = message_clocks.header(topic.fields)
+        if self.profile.clock.is_own and found.own:
+            return message_clocks.KEEPS
+        if header and not self.profile.clock.is_own:
+            clock = Clock(clock="header")
+            if message_clocks.stamped(_read(topic, header, clock), found.time, clock, header).own:
+                return "--clock header keeps them"
+        return "cut the log there"
+
+    def finish(self) -> tuple[list[Frame], list[str], list[str]]:
+        """Frames, losses and notes."""
+        clocks = message_clocks.on_recording(self.stamped)
+        frames = [
+            replace(f, time=clocks[f.name].time) if f.name in clocks else f for f in self.frames
+        ]
+        losses = [f"{topic}: {loss}" for topic, own in clocks.items() for loss in own.losses]
+        notes = [f"{topic}: {note}" for topic, own in clocks.items() for note in own.notes]
+        losses += [loss] if (loss := message_clocks.mixed(clocks)) else []
+        frames, strays = _without_strays(frames, clocks)
+        losses += strays
+        decoded = None
+        if self.decoder and self.can:
+            for topic, rows in self.can.items():
+                self.decoder.add(can_messages.frames(clocks[topic].time, rows, topic))
+            decoded = self.decoder.recording() if self.decoder.heard else None
+        if decoded is not None:
+            frames += decoded.frames
+        found = [[f"{self.label}: {text}" for text in texts] for texts in (losses, notes)]
+        if decoded is not None:
+            found[0] += decoded.losses
+            found[1] += decoded.notes
+        return frames, found[0], found[1]
 
 
 def _derived(profile: Profile, topic: Topic) -> dict[str, Derived]:
@@ -176,10 +219,12 @@ def _rows(column: NDArray, keep: Bools) -> NDArray:
 
 
 def _read(topic: Topic, fields: Sequence[str], clock: Clock) -> Table:
-    """One table of all parts, in the order of the parts."""
+    """One table of all parts, in the order of recording."""
     which = clock.clock if clock.clock == "publish" else "log"
     parts = [
-        reader.read([topic.name], fields={topic.name: fields}, clock=which)[topic.name]
+        reader.read([topic.name], fields={topic.name: fields}, clock=which, ordered=False)[
+            topic.name
+        ]
         for reader in topic.readers
     ]
     if len(parts) == 1:
@@ -194,80 +239,8 @@ def _read(topic: Topic, fields: Sequence[str], clock: Clock) -> Table:
     return Table(topic.name, parts[0].schema, time, columns)
 
 
-@dataclass(frozen=True)
-class _Stamped:
-    """The times of a topic's messages.
-
-    time: ns of those that have one. keep: which these are. own: whether it is the clock that was
-    asked for. late: s by which the recording is later, in the median; NaN for other clocks.
-    """
-
-    time: Stamps
-    keep: Bools
-    own: bool
-    late: float
-    note: str = ""
-
-
-def _stamp(clock: Clock, fields: Iterable[str]) -> list[str]:
-    """The fields that hold a message's own time, where the profile wants it."""
-    if clock.column:
-        return [clock.column] if clock.column in fields else []
-    if clock.clock != "header":
-        return []
-    return next((list(pair) for pair in HEADERS if set(pair) <= set(fields)), [])
-
-
-def _stamped(table: Table, clock: Clock, stamp: Sequence[str]) -> _Stamped:
-    whole = np.ones(len(table), np.bool_)
-    wants_own = bool(clock.column) or clock.clock == "header"
-    if not stamp or not len(table):
-        return _Stamped(table.time, whole, not wants_own, np.nan)
-    time, keep = _own_time(table, clock, stamp)
-    if not keep.any():  # nobody filled the stamps in
-        return _Stamped(table.time, whole, False, np.nan)
-    late = float(np.median(table.time[keep] - time)) * 1e-9
-    note = ""
-    if clock.column and abs(late) > OTHER_EPOCH:
-        time, late = time + np.int64(round(late * 1e9)), 0.0
-        note = f"{clock.column} counts from another moment; it is put on the clock of recording"
-    return _Stamped(time, keep, True, late, note)
-
-
-def _own_time(table: Table, clock: Clock, stamp: Sequence[str]) -> tuple[Stamps, Bools]:
-    """ns of the messages that hold a stamp, and which these are; 0 is none."""
-    values = [table.columns[name] for name in stamp]
-    if len(values) == 1:
-        return times.stamps(values[0], clock.unit, f"{table.topic}: {stamp[0]}")
-    known = values[0] != 0
-    (second, keep), (rest, also) = (
-        times.from_numbers(column, unit) for column, unit in zip(values, ("s", "ns"), strict=True)
-    )
-    whole: Bools = keep & also & known
-    return second[whole[keep]] + rest[whole[also]], whole
-
-
-def _mixed(clocks: Mapping[str, _Stamped], label: str) -> Iterator[str]:
-    """A sentence where some topics have the wanted clock and others have not."""
-    own = {topic: found for topic, found in clocks.items() if found.own}
-    others = sorted(clocks.keys() - own.keys())
-    if not others:
-        return
-    plural = "their messages have" if len(others) > 1 else "its messages have"
-    loss = f"{label}: {', '.join(others)}: {plural} no such stamp, the time of recording is used"
-    if own:
-        late = max(own.items(), key=lambda item: abs(item[1].late))
-        if abs(late[1].late) <= APART:
-            return
-        loss += (
-            f"; two clocks are mixed: on {late[0]} it is {late[1].late:+.3f} s later than the "
-            f'message\'s own; if they lag as much, delay = "{late[1].late:.3f} s" makes up for it'
-        )
-    yield loss
-
-
 def _without_strays(
-    frames: Sequence[Frame], clocks: Mapping[str, _Stamped]
+    frames: Sequence[Frame], clocks: Mapping[str, Stamped]
 ) -> tuple[list[Frame], list[str]]:
     """Frames without single messages of a wrong time, and sentences on these."""
     span = stamps.main_span({f.name: f.time for f in frames if f.name in clocks})
