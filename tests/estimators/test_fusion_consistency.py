@@ -1,5 +1,6 @@
 """`fusion` takes the size of its errors, and a crooked IMU, from the drive itself."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -8,9 +9,11 @@ from support.drives import simulated
 
 from roadlog import estimators
 from roadlog.drive import Drive
+from roadlog.estimate import Estimate
 from roadlog.estimators.fusion.innovations import correlated, scales
 from roadlog.estimators.fusion.states import ROWS, Row
-from roadlog.signals import TRUTH_TOPIC
+from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
+from roadlog.signals import FLAGS, TRUTH_TOPIC
 
 STEP = 0.02  # s
 
@@ -45,6 +48,49 @@ def test_the_innovations_come_with_the_estimate(hill_drive: Drive) -> None:
     assert len(np.flatnonzero(np.isfinite(estimate.innovations["contact"]))) == pytest.approx(
         10 * hill_drive.time[-1], rel=0.2
     )
+
+
+def driven(disturb: Callable[[str, np.ndarray], np.ndarray]) -> tuple[Estimate, AngleMetrics]:
+    """A way through town, with stops, by an IMU whose signals are disturbed; no receiver."""
+    simulation = simulated("city", seed=1, overrides={"duration": 100.0})
+    tables = {table.topic: table for table in simulation.tables}
+    imu = tables["/imu"]
+    columns = {name: disturb(name, values) for name, values in imu.columns.items()}
+    drive = Drive.from_tables([replace(imu, columns=columns), tables["/wheel_speeds"]])
+    estimate = estimators.run("fusion", drive, simulation.vehicle)
+    errors = angle_errors(estimate, Estimate.from_table(tables[TRUTH_TOPIC]), "grade")
+    assert errors is not None
+    return estimate, angle_metrics(errors, "grade")
+
+
+def test_a_shaken_imu_that_stops_is_no_other_car() -> None:
+    """The standstill rows must not take the noise of a standing gyro for its bias."""
+    rng = np.random.default_rng(3)
+
+    def shaken(name: str, values: np.ndarray) -> np.ndarray:
+        sd = 3.0 if name.startswith("accel") else np.radians(2.0)
+        return values + sd * rng.standard_normal(len(values))
+
+    estimate, grade = driven(shaken)
+    assert (estimate.flags & FLAGS["standstill"] > 0).any()
+    assert not any("do not fit one car" in note for note in estimate.notes)
+    assert estimate.valid.mean() > 0.95
+    assert (grade.within_2sd or 0.0) >= 0.9
+
+
+def test_an_imu_that_drifts_is_followed() -> None:
+    """As fast as the contact with the road says: else nothing is valid (19 times that row's sd)."""
+    rng = np.random.default_rng(4)
+
+    def drifting(name: str, values: np.ndarray) -> np.ndarray:
+        if name != "accel_z":
+            return values
+        return values + np.cumsum(0.03 * np.sqrt(0.01) * rng.standard_normal(len(values)))
+
+    estimate, grade = driven(drifting)
+    assert estimate.valid.mean() > 0.95
+    assert (grade.std_deg or 9.0) < 0.15
+    assert (grade.within_2sd or 0.0) >= 0.9
 
 
 def test_a_crooked_imu_is_turned() -> None:

@@ -12,18 +12,19 @@ import numpy as np
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimators.fusion.bryson_frazier import filtered
-from roadlog.estimators.fusion.innovations import CHANGED, scales
+from roadlog.estimators.fusion.innovations import CHANGED, misfit, scales
 from roadlog.estimators.fusion.inputs import Inputs
 from roadlog.estimators.fusion.mounting import Mounting, mounting_prior, straightened
 from roadlog.estimators.fusion.noise import Noise, noise_of
 from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.priors import priors
 from roadlog.estimators.fusion.speed import gnss_delay
-from roadlog.estimators.fusion.states import CONSTANTS, State
+from roadlog.estimators.fusion.states import CONSTANTS, Row, State
 from roadlog.estimators.fusion.steps import Steps, beginning, last
 from roadlog.types import Floats
 
 MAX_ROUNDS = 4  # of adapting
+RELIEVED = 0.8  # share to which a bias that walks faster must bring a misfit to be its cause
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ def _started(steps: Steps, mean: Floats) -> Steps:
 def _adapted(fit: Fit) -> tuple[Fit, Floats]:
     """With the noise that the innovations show; and the filter's states of the beginning."""
     steps = beginning(fit.steps)
-    x, innovations = filtered(steps, fit.noise, fit.P0)
+    fit, x, innovations = _wandering(fit, steps)
     if not _is_wrong(scales(innovations, steps.dt)):
         return fit, x
     known = knowing(steps, x[last(steps)])
@@ -89,6 +90,34 @@ def _adapted(fit: Fit) -> tuple[Fit, Floats]:
         return fit, x
     fit = replace(fit, noise=fit.noise._replace(scale=scale))
     return fit, filtered(steps, fit.noise, fit.P0)[0]
+
+
+def _wandering(fit: Fit, steps: Steps) -> tuple[Fit, Floats, Floats]:
+    """With biases of the accelerometer that wander as fast as the innovations say.
+
+    Drift is the one slow error that the contact with the road sees: where a faster walk does not
+    relieve that row, the cause is another. The other axes follow where that explains the speed row.
+    Also the filter's states and innovations (n, ROWS).
+    """
+
+    def tried(noise: Noise) -> tuple[Fit, Floats, Floats]:
+        return replace(fit, noise=noise), *filtered(steps, noise, fit.P0)
+
+    def wrong(run: tuple[Fit, Floats, Floats], row: Row) -> float:
+        return float(misfit(run[2], steps.dt)[row])
+
+    best = tried(fit.noise)
+    walk = fit.noise.vertical_bias
+    while (m := wrong(best, Row.CONTACT)) > CHANGED:
+        faster = tried(fit.noise._replace(vertical_bias=m * walk))
+        if wrong(faster, Row.CONTACT) > RELIEVED * m:
+            break
+        best, walk = faster, m * walk
+    if walk > fit.noise.vertical_bias:
+        alike = tried(fit.noise._replace(vertical_bias=walk, accel_bias=walk))
+        if wrong(alike, Row.SPEED) < min(CHANGED, RELIEVED * wrong(best, Row.SPEED)):
+            return alike
+    return best
 
 
 def _is_wrong(scale: Floats) -> bool:

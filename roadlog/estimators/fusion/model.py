@@ -140,7 +140,7 @@ def process_noise(x: Floats, s: Record, noise: Record, q: Floats) -> None:
     )
     for i in range(3):
         q[S.GYRO_BIAS_X + i] = dt * noise.gyro_bias**2
-        q[S.ACCEL_BIAS_X + i] = dt * noise.accel_bias**2
+        q[S.ACCEL_BIAS_X + i] = dt * (noise.accel_bias if i < 2 else noise.vertical_bias) ** 2
     q[S.PSI] = dt * (noise.yaw + noise.yaw_gain * abs(w[2])) ** 2
     q[S.ALTITUDE] = dt * noise.altitude**2
     q[S.RECEIVER_ERROR] = noise.altimeter**2 * (1.0 - noise.decay[2] ** 2)

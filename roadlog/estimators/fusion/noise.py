@@ -59,7 +59,8 @@ class Noise(NamedTuple):
     pitch: float  # rad/sqrt(s), of the gyro about y
     gyro_cross: float  # sqrt(s), times the yaw rate: its share in the other axes
     gyro_bias: float  # rad/s/sqrt(s)
-    accel_bias: float  # m/s2/sqrt(s)
+    accel_bias: float  # m/s2/sqrt(s), forward and sideways
+    vertical_bias: float  # m/s2/sqrt(s)
     body: float  # rad, body angle that the suspension gains do not explain
     body_vibration: (
         float  # rad, body angle by the unevenness of the road, at SHAKING_SPEED and faster
@@ -101,7 +102,9 @@ class Noise(NamedTuple):
 def noise_of(inputs: Inputs) -> Noise:
     """The noise of this drive: what is set, its own IMU's, its road's, its receiver's."""
     drive, vehicle, params = inputs.drive, inputs.vehicle, inputs.params
-    rough, own = vibration(inputs.steps), ImuNoise.of(drive.native["imu"])
+    own = ImuNoise.of(drive.native["imu"])
+    rough = np.sqrt(max(vibration(inputs.steps) ** 2 - own.accel[2] ** 2, 0.0))  # the road's alone
+    walk = max(ACCEL_BIAS, WANDER * params.accel_bias_sd / np.sqrt(max(drive.time[-1], WARM_UP)))
     fast = "gnss" in drive.native and np.median(np.diff(drive.native["gnss"].time)) < 1 / FAST_GNSS
     return Noise(
         accel=float(np.hypot(params.accel_noise, max(own.accel[0], own.accel[1]))),
@@ -115,9 +118,8 @@ def noise_of(inputs: Inputs) -> Noise:
         pitch=float(np.hypot(params.gyro_noise, own.gyro[1])),
         gyro_cross=params.gyro_cross * np.sqrt(TURN_TIME),
         gyro_bias=GYRO_BIAS,
-        accel_bias=max(
-            ACCEL_BIAS, WANDER * params.accel_bias_sd / np.sqrt(max(drive.time[-1], WARM_UP))
-        ),
+        accel_bias=walk,
+        vertical_bias=walk,
         body=params.body_angle_sd,
         body_vibration=_body_per_vibration(inputs) * rough,
         body_gain=params.body_share,
@@ -137,12 +139,22 @@ def noise_of(inputs: Inputs) -> Noise:
         slip_yaw=SLIP_YAW,
         contact_sd=float(np.hypot(params.contact_sd, params.contact_vibration * rough)),
         still_sd=STILL_SD,
-        still_gyro_sd=STILL_GYRO_SD,
+        still_gyro_sd=float(np.hypot(STILL_GYRO_SD, own.gyro.max() * np.sqrt(_used_per_s(inputs)))),
         every=round(INTERVAL / inputs.steps.dt),
         gate=params.gate,
         still_gate=STILL_GATE,
         scale=np.ones(ROWS),
     )
+
+
+def _used_per_s(inputs: Inputs) -> float:
+    """1/s, by which white noise grows in a row that takes the sensor's value at a step.
+
+    That value is the mean of two steps, or of a slower sensor's interval; rows that come faster
+    than its samples share one.
+    """
+    rate = 1 / max(float(np.median(np.diff(inputs.drive.native["imu"].time))), 1e-9)
+    return float(np.clip(rate, 1 / INTERVAL, RATE / 2))
 
 
 def _body_per_vibration(inputs: Inputs) -> float:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadlog.car.suspension import knows_springs
 from roadlog.drive import runs
 from roadlog.errors import EstimatorError
 from roadlog.estimators.fusion.body import body_pitch, body_roll
@@ -16,6 +17,7 @@ from roadlog.estimators.fusion.consistency import Consistency, tempered
 from roadlog.estimators.fusion.fit import Fit
 from roadlog.estimators.fusion.inputs import Inputs
 from roadlog.estimators.fusion.outputs import Output
+from roadlog.estimators.fusion.priors import LOAD_SD
 from roadlog.estimators.fusion.recursion import OWN_STATES
 from roadlog.estimators.fusion.smoother import Smoothed, smooth
 from roadlog.estimators.fusion.states import (
@@ -122,10 +124,14 @@ def _slow(values: Floats, alive: Bools) -> Floats:
 
 
 def _load_share(fit: Fit) -> float:
-    """Of the constant pitch that the data give: what of it the load is expected to make."""
-    load = fit.inputs.params.load_pitch_sd**2
-    mounting: float = fit.P0[State.MOUNTING_PITCH, State.MOUNTING_PITCH]
-    return load / (load + mounting)
+    """Of the constant pitch that the data give: what of it the load is expected to make.
+
+    A car whose springs nobody described may have been driven with any load.
+    """
+    vehicle, load = fit.inputs.vehicle, fit.inputs.params.load_pitch_sd
+    if not load and not knows_springs(vehicle, "pitch"):
+        load = LOAD_SD
+    return float(load**2 / (load**2 + fit.inputs.mounting.sd[1] ** 2))
 
 
 def _offset_variance(fit: Fit, smoothed: Smoothed, consistency: Consistency) -> Floats:
@@ -147,7 +153,7 @@ def _variances(
 ) -> dict[str, Floats]:
     """rad2, of every output at the smoother's steps. offset (n, 2): of grade and of bank."""
     share, at = _load_share(fit), State.MOUNTING_PITCH
-    static = share**2 * smoothed.P_end[at, at] + share * fit.P0[at, at]
+    static = share**2 * smoothed.P_end[at, at] + share * fit.inputs.mounting.sd[1] ** 2
     result = {}
     for output in Output:
         whole = smoothed.variance[:, output]
