@@ -52,24 +52,32 @@ def planar_car(vehicle: Vehicle, dt: float, printed: bool = False) -> PlanarCar:
 
 
 @compiled
-def resultants(F: Floats, delta: float, car: PlanarCar) -> tuple[float, float, float]:
+def resultants(
+    F: Floats, first: int, c: float, s: float, car: PlanarCar
+) -> tuple[float, float, float]:
     """Longitudinal and lateral force in N and yaw moment in N m of the tires on the car.
 
-    F (8,): longitudinal, then lateral forces in wheel axes. delta: rad, road wheel, left +.
+    F: from `first` on 8 forces, longitudinal, then lateral ones in wheel axes. c, s: cosine and
+    sine of the road wheels' angle, left +.
     """
-    c, s = np.cos(delta), np.sin(delta)
-    front_x, front_y = F[0] + F[1], F[4] + F[5]
-    rear_y = F[6] + F[7]
-    force_x = front_x * c - front_y * s + F[2] + F[3]
+    rear = first + 4
+    front_x, front_y = F[first] + F[first + 1], F[rear] + F[rear + 1]
+    rear_y = F[rear + 2] + F[rear + 3]
+    force_x = front_x * c - front_y * s + F[first + 2] + F[first + 3]
     force_y = front_x * s + front_y * c + rear_y
     half = 0.5 * car.track
     moment = (
         car.front * (front_x * s + front_y * c)
-        - half * ((F[0] - F[1]) * c + F[2] - F[3])
-        + half * (F[4] - F[5]) * s
+        - half * ((F[first] - F[first + 1]) * c + F[first + 2] - F[first + 3])
+        + half * (F[rear] - F[rear + 1]) * s
         - car.rear * rear_y
     )
     return force_x, force_y, moment
+
+
+def steer(delta: Floats) -> Floats:
+    """Cosine and sine of road wheel angles in rad, (n, 2): once a step, not at each sigma point."""
+    return np.stack([np.cos(delta), np.sin(delta)], axis=1)
 
 
 def wheel_loads(f_x: Floats, f_y: Floats, vehicle: Vehicle) -> Floats:

@@ -21,57 +21,65 @@ CENTER_SCALE = np.sqrt(1.0 - ALPHA**2 + BETA)
 FIRST_REPAIR, REPAIRS = 1e-12, 12  # added to the correlation's diagonal, times 10 each try
 
 
-@compiled
-def cholesky(P: Floats, L: Floats) -> bool:
-    """Lower factor of P into L, by way of the correlation matrix; True when P was repaired.
+def padded(n: int) -> int:
+    """Length of a row of n numbers in this module: registers hold four, and work four at a time."""
+    return -(-n // 16) * 16
 
-    States as different as rad/s and kN would otherwise cost conditioning.
+
+@compiled
+def cholesky(P: Floats, U: Floats) -> bool:
+    """Upper factor of P = U' U into U, by way of the correlation matrix; True when P was repaired.
+
+    States as different as rad/s and kN would otherwise cost conditioning. P, U (n, padded).
     """
-    n = len(P)
-    scale = np.empty(n)
+    n, width = len(P), U.shape[1]
+    scale = np.zeros(width)
     for i in range(n):
-        scale[i] = np.sqrt(P[i, i]) if P[i, i] > 0.0 else 1e-150
+        scale[i] = 1.0 / np.sqrt(P[i, i]) if P[i, i] > 0.0 else 1e150
     extra = 0.0
     for attempt in range(REPAIRS + 1):
-        positive = True
         for i in range(n):
-            for j in range(i + 1):
-                s = P[i, j] / (scale[i] * scale[j])
-                if i == j:
-                    s += extra
-                for k in range(j):
-                    s -= L[i, k] * L[j, k]
-                if i > j:
-                    L[i, j] = s / L[j, j]
-                elif s > 0.0:
-                    L[i, i] = np.sqrt(s)
-                else:
-                    positive = False
-                    break
-            if not positive:
+            for j in range(width):
+                U[i, j] = P[i, j] * (scale[i] * scale[j])
+            U[i, i] += extra
+        positive = True
+        for j in range(n):
+            if not U[j, j] > 0.0:
+                positive = False
                 break
+            root = 1.0 / np.sqrt(U[j, j])
+            for k in range(width):
+                U[j, k] *= root
+            for i in range(j + 1, n):
+                factor = U[j, i]
+                for k in range(width):
+                    U[i, k] -= factor * U[j, k]
         if positive:
             break
         extra = FIRST_REPAIR * 10.0**attempt
     for i in range(n):
-        for j in range(n):
-            L[i, j] = L[i, j] * scale[i] if j <= i else 0.0
+        for j in range(i):
+            U[i, j] = 0.0
+        for j in range(i, n):
+            U[i, j] /= scale[j]
     return extra > 0.0
 
 
 @compiled
-def sigma_points(x: Floats, P: Floats, X: Floats) -> bool:
-    """The 2 n + 1 sigma points of (x, P) into X (2 n + 1, n); True when P was repaired."""
+def sigma_points(x: Floats, P: Floats, U: Floats, X: Floats) -> bool:
+    """The 2 n + 1 sigma points of (x, P) into X (2 n + 1, n); True when P was repaired.
+
+    P, U (n, padded): the factor of P goes into U.
+    """
     n = len(x)
-    L = np.empty((n, n))
-    repaired = cholesky(P, L)
+    repaired = cholesky(P, U)
     spread = np.sqrt(float(n))
     for j in range(n):
         X[0, j] = x[j]
     for i in range(n):
         for j in range(n):
-            X[1 + i, j] = x[j] + spread * L[j, i]
-            X[1 + n + i, j] = x[j] - spread * L[j, i]
+            X[1 + i, j] = x[j] + spread * U[i, j]
+            X[1 + n + i, j] = x[j] - spread * U[i, j]
     return repaired
 
 
@@ -84,76 +92,81 @@ def _dot(a: Floats, b: Floats) -> float:
 
 
 @compiled
-def mean_and_covariance(X: Floats, Q: Floats, x: Floats, P: Floats) -> None:
-    """Mean and covariance of propagated sigma points, with noise diag Q added, into x and P."""
-    n = X.shape[1]
-    for j in range(n):
-        x[j] = 0.0
-        for p in range(1, len(X)):
-            x[j] += X[p, j]
-        x[j] /= len(X) - 1
-    D = np.empty((n, len(X)))
-    for i in range(n):
-        for p in range(len(X)):
-            D[i, p] = X[p, i] - x[i]
-        D[i, 0] *= CENTER_SCALE * np.sqrt(len(X) - 1.0)
-    for i in range(n):
+def _deviations(Z: Floats, column: int, d: Floats) -> float:
+    """Mean of a column of sigma points; deviations, of the center weighed, into d (padded,)."""
+    points, mean = len(Z), 0.0
+    for p in range(1, points):
+        mean += Z[p, column]
+    mean /= points - 1
+    for p in range(points):
+        d[p] = Z[p, column] - mean
+    d[0] *= CENTER_SCALE * np.sqrt(points - 1.0)
+    return mean
+
+
+@compiled
+def mean_and_covariance(X: Floats, Q: Floats, x: Floats, P: Floats, D: Floats) -> None:
+    """Mean and covariance of propagated sigma points, with noise diag Q added, into x and P.
+
+    D (n or more, padded), 0 behind the points: scratch.
+    """
+    for i in range(len(x)):
+        x[i] = _deviations(X, i, D[i])
+    for i in range(len(x)):
         for j in range(i + 1):
-            P[i, j] = _dot(D[i], D[j]) / (len(X) - 1)
-            P[j, i] = P[i, j]
+            P[i, j] = P[j, i] = _dot(D[i], D[j]) / (len(X) - 1)
         P[i, i] += Q[i]
 
 
 @compiled
-def correct(x: Floats, P: Floats, X: Floats, Z: Floats, z: Floats, R: Floats) -> None:
+def correct(
+    x: Floats, P: Floats, U: Floats, Z: Floats, z: Floats, R: Floats, D: Floats, work: Floats
+) -> None:
     """Correct x and P in place by the measurements z, noise diag R; NaN rows of z are left out.
 
-    X (2 n + 1, n): sigma points of (x, P). Z (2 n + 1, m): what each point would measure.
+    U: factor of P. Z (2 n + 1, m): what each sigma point would measure. D (m or more, padded), 0
+    behind the points, and work (3, m, padded): scratch.
     """
-    points, n = X.shape
-    rows, m = np.empty(len(z), np.int64), 0
-    for i in range(len(z)):
-        if np.isfinite(z[i]):
-            rows[m] = i
+    n, width = len(x), P.shape[1]
+    S, V, C = work[0], work[1], work[2]
+    residual = np.empty(len(z))
+    m = 0
+    for row in range(len(z)):
+        if np.isfinite(z[row]):
+            residual[m] = z[row] - _deviations(Z, row, D[m])
+            for j in range(m + 1):
+                S[m, j] = S[j, m] = _dot(D[m], D[j]) / (2 * n)
+            S[m, m] += R[row]
             m += 1
     if m == 0:
         return
-    center = CENTER_SCALE * np.sqrt(points - 1.0)
-    D, residual = np.empty((m, points)), np.empty(m)
-    for i in range(m):
-        mean = 0.0
-        for p in range(1, points):
-            mean += Z[p, rows[i]]
-        mean /= points - 1
-        residual[i] = z[rows[i]] - mean
-        for p in range(points):
-            D[i, p] = Z[p, rows[i]] - mean
-        D[i, 0] *= center
-    S, A, d = np.empty((m, m)), np.empty((n, m)), np.empty(points)
-    for i in range(m):
-        for j in range(i + 1):
-            S[i, j] = _dot(D[i], D[j]) / (points - 1)
-            S[j, i] = S[i, j]
-        S[i, i] += R[rows[i]]
-    for i in range(n):
-        for p in range(points):
-            d[p] = X[p, i] - x[i]
-        d[0] *= center
-        for j in range(m):
-            A[i, j] = _dot(d, D[j]) / (points - 1)
-    L = np.empty((m, m))
-    cholesky(S, L)
-    # A, so far Pxz, becomes Pxz L^-T: then K S K' = A A' and K residual = A (L^-1 residual)
+    # C, the covariance with the state: its deviations are the rows of U, to either side
+    share = np.sqrt(float(n)) / (2 * n)
     for j in range(m):
-        scale = 1.0 / L[j, j]
-        residual[j] = (residual[j] - _dot(L[j, :j], residual[:j])) * scale
+        for i in range(width):
+            C[j, i] = 0.0
+        for k in range(n):
+            both = share * (D[j, 1 + k] - D[j, 1 + n + k])
+            for i in range(width):
+                C[j, i] += both * U[k, i]
+    cholesky(S[:m], V[:m])
+    # C becomes V'^-1 C: then K S K' = C' C and K residual = C' (V'^-1 residual)
+    for j in range(m):
+        scale = 1.0 / V[j, j]
+        residual[j] *= scale
+        for i in range(width):
+            C[j, i] *= scale
+        for k in range(j + 1, m):
+            factor = V[j, k]
+            residual[k] -= factor * residual[j]
+            for i in range(width):
+                C[k, i] -= factor * C[j, i]
+    for j in range(m):
         for i in range(n):
-            A[i, j] = (A[i, j] - _dot(L[j, :j], A[i, :j])) * scale
-    for i in range(n):
-        x[i] += _dot(A[i], residual)
-        for j in range(i + 1):
-            P[i, j] -= _dot(A[i], A[j])
-            P[j, i] = P[i, j]
+            x[i] += C[j, i] * residual[j]
+            factor = C[j, i]
+            for k in range(width):
+                P[i, k] -= factor * C[j, k]
 
 
 @compiled

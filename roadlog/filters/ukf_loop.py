@@ -19,6 +19,7 @@ from roadlog.filters.ukf import (
     correct,
     keep_upright,
     mean_and_covariance,
+    padded,
     reference_ukf,
     restart_state,
     sigma_points,
@@ -76,7 +77,9 @@ def track(
     if engine == "reference":
         return _reference(model, equations, z, start, frozen, tune)
     sd = np.empty((len(z), equations.outputs))
-    x, repaired = _compiled(model, z, start, frozen, tune, equations.angle, sd)
+    states, m = len(tune.P0), z.shape[1]
+    sizes = padded(max(states, m)), padded(2 * states + 1)
+    x, repaired = _compiled(model, z, start, frozen, tune, equations.angle, sd, *sizes)
     return Track(x, sd, repaired)
 
 
@@ -145,15 +148,25 @@ def _restart(x: Floats, P: Floats, start: Floats, P0: Floats) -> None:
 
 @compiled
 def _compiled(
-    model: Any, z: Floats, start: Floats, frozen: Bools, tune: Tuning, angle: int, sd: Floats
+    model: Any,
+    z: Floats,
+    start: Floats,
+    frozen: Bools,
+    tune: Tuning,
+    angle: int,
+    sd: Floats,
+    width: int,
+    span: int,
 ) -> tuple[Floats, Bools]:
-    n, states, points = len(z), len(tune.P0), 2 * len(tune.P0) + 1
+    """width, span: of a row over the states or the measurements, and of one over sigma points."""
+    n, states, points, m = len(z), len(tune.P0), 2 * len(tune.P0) + 1, z.shape[1]
     xs, repaired = np.empty((n, states)), np.zeros(n, np.bool_)
-    x, P = np.zeros(states), np.zeros((states, states))
+    x, P, U = np.zeros(states), np.zeros((states, width)), np.zeros((states, width))
     for i in range(states):
         P[i, i] = tune.P0[i]
     X, Y = np.empty((points, states)), np.empty((points, states))
-    Z = np.empty((points, z.shape[1]))
+    Z, work = np.empty((points, m)), np.zeros((3, m, width))
+    D = np.zeros((max(states, m), span))
     _restart(x, P, start[0], tune.P0)
     for k in range(n):
         if frozen[k]:
@@ -163,14 +176,14 @@ def _compiled(
             if k > 0 and frozen[k - 1]:
                 _restart(x, P, start[k], tune.P0)
             elif k > 0:
-                repaired[k] = sigma_points(x, P, X)
+                repaired[k] = sigma_points(x, P, U, X)
                 for p in range(points):
                     _process(model, X[p], k, Y[p])
-                mean_and_covariance(Y, tune.Q, x, P)
-            repaired[k] |= sigma_points(x, P, X)
+                mean_and_covariance(Y, tune.Q, x, P, D)
+            repaired[k] |= sigma_points(x, P, U, X)
             for p in range(points):
                 _measure(model, X[p], k, Z[p])
-            correct(x, P, X, Z, z[k], tune.R)
+            correct(x, P, U, Z, z[k], tune.R, D, work)
             if angle >= 0:
                 keep_upright(x, P, angle, tune.P0[angle])
         for i in range(states):

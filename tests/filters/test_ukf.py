@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from roadlog.filters.ukf import cholesky, correct, mean_and_covariance, sigma_points
+from roadlog.filters.ukf import cholesky, correct, mean_and_covariance, padded, sigma_points
 
 
 def covariance(n: int, seed: int = 0) -> np.ndarray:
@@ -11,26 +11,32 @@ def covariance(n: int, seed: int = 0) -> np.ndarray:
     return A @ A.T * np.outer(scale, scale)
 
 
+def wide(P: np.ndarray) -> np.ndarray:
+    """With rows as long as the filter has them."""
+    return np.pad(P, ((0, 0), (0, padded(len(P)) - len(P))))
+
+
 def test_cholesky_factors_badly_scaled_covariances() -> None:
-    P, L = covariance(15), np.empty((15, 15))
-    assert not cholesky(P, L)
-    np.testing.assert_allclose(L @ L.T, P, rtol=1e-12, atol=1e-14)
-    np.testing.assert_allclose(L, np.linalg.cholesky(P), rtol=1e-9, atol=1e-12)
+    P, U = covariance(15), np.empty((15, padded(15)))
+    assert not cholesky(wide(P), U)
+    U = U[:, :15]
+    np.testing.assert_allclose(U.T @ U, P, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(U.T, np.linalg.cholesky(P), rtol=1e-9, atol=1e-12)
 
 
 def test_cholesky_repairs_a_singular_covariance_and_says_so() -> None:
     P = np.array([[1.0, 1.0 + 1e-13], [1.0 + 1e-13, 1.0]])  # eigenvalue -1e-13
-    L = np.empty((2, 2))
-    assert cholesky(P, L)
-    np.testing.assert_allclose(L @ L.T, P, atol=1e-11)
+    U = np.empty((2, padded(2)))
+    assert cholesky(wide(P), U)
+    np.testing.assert_allclose((U.T @ U)[:2, :2], P, atol=1e-11)
 
 
 def test_sigma_points_carry_mean_and_covariance() -> None:
     n = 6
     x, P, X = np.arange(6.0), covariance(n), np.empty((2 * n + 1, n))
-    assert not sigma_points(x, P, X)
+    assert not sigma_points(x, wide(P), np.empty((n, padded(n))), X)
     mean, spread = np.empty(n), np.empty((n, n))
-    mean_and_covariance(X, np.zeros(n), mean, spread)
+    mean_and_covariance(X, np.zeros(n), mean, spread, np.zeros((n, padded(2 * n + 1))))
     np.testing.assert_allclose(mean, x, atol=1e-11)
     np.testing.assert_allclose(spread, P, rtol=1e-9, atol=1e-12)
 
@@ -47,10 +53,12 @@ def test_correction_of_a_linear_model_is_kalmans(missing: tuple[int, ...]) -> No
     )
     z = rng.standard_normal(m)
     z[list(missing)] = np.nan
-    X = np.empty((2 * n + 1, n))
-    sigma_points(x, P, X)
-    y, S = x.copy(), P.copy()
-    correct(y, S, X, X @ H.T, z, R)
+    X, U = np.empty((2 * n + 1, n)), np.empty((n, padded(n)))
+    y, S = x.copy(), wide(P)
+    sigma_points(x, S, U, X)
+    D, work = np.zeros((m, padded(2 * n + 1))), np.zeros((3, m, padded(n)))
+    correct(y, S, U, X @ H.T, z, R, D, work)
+    S = S[:, :n]
     known = np.isfinite(z)
     Hk = H[known]
     K = P @ Hk.T @ np.linalg.inv(Hk @ P @ Hk.T + np.diag(R[known]))

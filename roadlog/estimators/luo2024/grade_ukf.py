@@ -21,10 +21,11 @@ GRADE = 3
 
 
 class GradeModel(NamedTuple):
-    """forces (n, 8): N, posterior of the lower layer. delta (n,): rad, road wheel angle."""
+    """forces (n, 8): N, posterior of the lower layer. steer (n, 2):
+    cosine and sine of the road wheels' angle."""
 
     forces: Floats
-    delta: Floats
+    steer: Floats
     car: PlanarCar
 
 
@@ -50,7 +51,9 @@ def process(model: GradeModel, x: Floats, k: int, y: Floats) -> None:
     The bank's -g sin(bank) is missing in v_y: its noise and row 4 absorb it.
     """
     car = model.car
-    force_x, force_y, moment = resultants(model.forces[k], model.delta[k], car)
+    force_x, force_y, moment = resultants(
+        model.forces[k], 0, model.steer[k, 0], model.steer[k, 1], car
+    )
     drag = car.drag * x[0] * abs(x[0])
     y[0] = x[0] + car.dt * ((force_x - drag) / car.mass - G * np.sin(x[3]) + x[1] * x[2])
     y[1] = x[1] + car.dt * (force_y / car.mass - x[0] * x[2])
@@ -62,7 +65,7 @@ def process(model: GradeModel, x: Floats, k: int, y: Floats) -> None:
 def measure(model: GradeModel, x: Floats, k: int, z: Floats) -> None:
     """What the state would measure, all rows; a_x and a_y only for the printed variants."""
     car = model.car
-    force_x, force_y, _ = resultants(model.forces[k], model.delta[k], car)
+    force_x, force_y, _ = resultants(model.forces[k], 0, model.steer[k, 0], model.steer[k, 1], car)
     z[0] = x[0]
     z[1] = (force_x - car.drag * x[0] * abs(x[0])) / car.mass - G * np.sin(x[3])
     z[2] = force_y / car.mass

@@ -13,7 +13,7 @@ import numpy as np
 
 from roadlog.car.driveline import NEEDS_TORQUE, Driveline, driveline, free_wheel_speed
 from roadlog.car.lever_arm import specific_force_at_cg
-from roadlog.car.planar_car import MIN_LOAD, planar_car, wheel_loads
+from roadlog.car.planar_car import MIN_LOAD, planar_car, steer, wheel_loads
 from roadlog.car.road_speed import lateral_velocity, road_speed
 from roadlog.car.suspension import LINEAR_TIRES
 from roadlog.car.vehicle import Vehicle
@@ -102,10 +102,11 @@ def tfobe(drive: Drive, vehicle: Vehicle, params: TfobeParameters, engine: Engin
     forces, force_sd = np.full((n, 8), np.nan), np.full((n, 6), np.nan)
     repaired = np.zeros(n, np.bool_)
     y, y_sd = np.full((n, grade_ukf.STATES), np.nan), np.full((n, grade_ukf.STATES), np.nan)
+    turned = steer(inputs.delta)
     for run in plan.runs:
         own = tire_ukf.TireInputs(*(part[run] for part in inputs))
         tires = track(
-            tire_ukf.TireModel(own, car),
+            tire_ukf.TireModel(own, turned[run], car),
             layers.tire_z[run],
             layers.start[run],
             plan.frozen[run],
@@ -114,7 +115,7 @@ def tfobe(drive: Drive, vehicle: Vehicle, params: TfobeParameters, engine: Engin
         )
         forces[run], force_sd[run] = tires.x[:, tire_ukf.FORCES], tires.sd
         grades = track(
-            grade_ukf.GradeModel(forces[run], own.delta, car),
+            grade_ukf.GradeModel(forces[run], turned[run], car),
             layers.grade_z[run],
             layers.start[run, :3],
             plan.frozen[run],

@@ -19,6 +19,7 @@ from roadlog.types import Floats
 STATES, ROWS = 15, 11
 FORCES = slice(7, STATES)  # all before: v_x, v_y, yaw rate, wheel speeds start anew after a freeze
 ROLLING_WHEEL_SPEED = 0.5  # rad/s, over which brake and rolling moments change sign
+SATURATED = 20.0  # whose tanh differs from 1 by less than the last digit
 
 
 class TireInputs(NamedTuple):
@@ -35,9 +36,10 @@ class TireInputs(NamedTuple):
 
 
 class TireModel(NamedTuple):
-    """The process's inputs and the car."""
+    """The process's inputs, `steer` of their angle, and the car."""
 
     inputs: TireInputs
+    steer: Floats
     car: PlanarCar
 
 
@@ -61,6 +63,14 @@ def printed_tuning() -> Tuning:
 
 
 @compiled
+def forward(turns: float) -> float:
+    """tanh, which is 1 to the last digit at all but a walking pace."""
+    if abs(turns) > SATURATED:
+        return 1.0 if turns > 0.0 else -1.0
+    return np.tanh(turns)
+
+
+@compiled
 def process(model: TireModel, x: Floats, k: int, y: Floats) -> None:
     """The state one step on, by Euler's rule.
 
@@ -68,14 +78,14 @@ def process(model: TireModel, x: Floats, k: int, y: Floats) -> None:
     up what is missing.
     """
     inputs, car = model.inputs, model.car
-    force_x, force_y, moment = resultants(x[7:], inputs.delta[k], car)
+    force_x, force_y, moment = resultants(x, 7, model.steer[k, 0], model.steer[k, 1], car)
     y[0] = x[0] + car.dt * ((force_x - car.drag * x[0] * abs(x[0])) / car.mass + x[1] * x[2])
     y[1] = x[1] + car.dt * (force_y / car.mass - x[0] * x[2])
     y[2] = x[2] + car.dt * moment / car.yaw_inertia
     for i in range(4):
         rolling = car.rolling_resistance * inputs.load[k, i] * car.wheel_radius
         torque = inputs.drive[k, i] - car.wheel_radius * x[7 + i]
-        torque -= (inputs.brake[k, i] + rolling) * np.tanh(x[3 + i] / ROLLING_WHEEL_SPEED)
+        torque -= (inputs.brake[k, i] + rolling) * forward(x[3 + i] / ROLLING_WHEEL_SPEED)
         y[3 + i] = x[3 + i] + car.dt * torque / inputs.inertia[k, i]
     for i in range(7, STATES):
         y[i] = x[i]
@@ -85,7 +95,7 @@ def process(model: TireModel, x: Floats, k: int, y: Floats) -> None:
 def measure(model: TireModel, x: Floats, k: int, z: Floats) -> None:
     """What the state would measure, all rows."""
     inputs, car = model.inputs, model.car
-    force_x, force_y, _ = resultants(x[7:], inputs.delta[k], car)
+    force_x, force_y, _ = resultants(x, 7, model.steer[k, 0], model.steer[k, 1], car)
     load = inputs.load[k]
     z[0] = x[0]
     z[1] = (force_x - car.drag * x[0] * abs(x[0])) / car.mass
