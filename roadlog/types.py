@@ -8,4 +8,4 @@ Bools = NDArray[np.bool_]
 Stamps = NDArray[np.int64]  # nanoseconds since the epoch
 Flags = NDArray[np.uint32]  # bits of signals.FLAGS
 Record = np.record  # of named numbers, as kernels take them
-Records = np.recarray
+Records = NDArray[np.void]

@@ -42,7 +42,7 @@ def inputs(hill_drive: Drive) -> tuple[Steps, Noise, Floats]:
 
 def at(k: int, steps: Steps, noise: Noise) -> Record:
     """Step k as the kernels see it."""
-    return table(steps, k, k + 1, noise.every)[1]
+    return table(steps, k, k + 1, noise.every).view(np.recarray)[1]
 
 
 def test_transition_is_the_jacobian_of_the_process(inputs: tuple[Steps, Noise, Floats]) -> None:

@@ -60,7 +60,8 @@ def walked(
     mean, P0 = priors(inputs)
     x, P = np.append(steps.starts[0] + mean, 0.0), np.zeros((N + 1, N + 1))
     P[:N, :N], P[N, N] = P0, np.radians(10.0) ** 2
-    records, of_drive = table(steps, 0, len(steps.speed), noise.every), noise.record(steps.dt)
+    records = table(steps, 0, len(steps.speed), noise.every).view(np.recarray)
+    of_drive = noise.record(steps.dt)
     A, F, q = np.zeros((len(DRIVEN), DRIVERS)), np.eye(N + 1), np.zeros(N + 1)
     y, d, h = np.empty(N), np.empty(N), np.zeros(N)
     passed = []

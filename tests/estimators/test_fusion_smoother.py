@@ -107,7 +107,8 @@ def test_equals_the_dense_batch_solution(problem: tuple[Steps, Noise, Floats]) -
     mean, spread = steps.starts[0].copy(), np.zeros((N, N * (n + 1)))
     spread[:, :N] = np.sqrt(P0)
     means, maps, rows, residuals, sds = [], [], [], [], []
-    records, of_drive = table(steps, 0, n, noise.every), noise.record(steps.dt)
+    records = table(steps, 0, n, noise.every).view(np.recarray)
+    of_drive = noise.record(steps.dt)
     A, q = np.zeros((len(DRIVEN), DRIVERS)), np.empty(N + 1)
     y, d, h = np.empty(N), np.empty(N), np.empty(N)
     for k in range(n):

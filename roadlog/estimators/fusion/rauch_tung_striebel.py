@@ -46,7 +46,8 @@ def rauch_tung_striebel(
     """The fields of `Smoothed`; the arguments are those of the compiled engine."""
 
     n = len(steps.speed)
-    records, of_drive = table(steps, 0, n, noise.every), noise.record(steps.dt)
+    records = table(steps, 0, n, noise.every).view(np.recarray)
+    of_drive = noise.record(steps.dt)
     kf = KalmanFilter(N, 1, dim_u=N)
     kf.x, kf.P, kf.B = steps.starts[0].reshape(N, 1).copy(), P0.copy(), np.eye(N)
     runs = np.flatnonzero(steps.alive)

@@ -101,7 +101,7 @@ def table(steps: Steps, first: int, last: int, every: int) -> Records:
     are given, there and at both ends of a run of the IMU: they change slowly and cost as much as
     the rest.
     """
-    records = np.recarray(last - first + 1, STEP)
+    records = np.empty(last - first + 1, STEP)
     begin = max(first - 1, 0)
     known = records[begin - first + 1 :]
     for name in steps._fields:
