@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import ItemsView, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
-from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -47,10 +46,11 @@ class Samples(Columnar):
 
 
 class Resampled(Mapping[str, Floats]):
-    """Signals of channels by role, put on the clock when asked for, kept while they are in use.
+    """Signals of channels by role, put on the clock when first asked for by name, and kept.
 
-    Hours of forty signals at once are more than the estimators need: each uses a few. others:
-    signals that no channel of `native` gives, as they are.
+    Hours of forty signals at once are more than the estimators need: they use half of them. So
+    whoever goes through all of them leaves none behind. others: signals that no channel of `native`
+    gives, as they are.
     """
 
     def __init__(
@@ -66,22 +66,27 @@ class Resampled(Mapping[str, Floats]):
             for signal in SECTIONS[name].signals
             if signal.field in samples.columns
         }
-        self._in_use: WeakValueDictionary[str, Floats] = WeakValueDictionary()
+        self._kept: dict[str, Floats] = {}
 
     def __getitem__(self, role: str) -> Floats:
-        if role not in self._sources:
-            return self._others[role]
-        values = self._in_use.get(role)
-        if values is None:
-            samples, signal = self._sources[role]
-            values = fixed(
-                resample(samples.time, samples.columns[signal.field], self._time, signal)
-            )
-            self._in_use[role] = values
+        values = self._kept[role] = self.passing(role)
         return values
 
+    def passing(self, role: str) -> Floats:
+        """The signal, for one look at it."""
+        if role not in self._sources:
+            return self._others[role]
+        if role in self._kept:
+            return self._kept[role]
+        samples, signal = self._sources[role]
+        return fixed(resample(samples.time, samples.columns[signal.field], self._time, signal))
+
+    def items(self) -> ItemsView[str, Floats]:
+        """Roles and signals, one after the other."""
+        return _Passing(self)
+
     def __reduce__(self) -> tuple:
-        return Resampled, (self._native, self._time, self._others)  # without what is in use
+        return Resampled, (self._native, self._time, self._others)  # without what is kept
 
     def __contains__(self, role: object) -> bool:
         return role in self._sources or role in self._others
@@ -91,6 +96,15 @@ class Resampled(Mapping[str, Floats]):
 
     def __len__(self) -> int:
         return len(self._others.keys() | self._sources.keys())
+
+
+class _Passing(ItemsView[str, Floats]):
+    """The items of `Resampled`."""
+
+    _mapping: Resampled
+
+    def __iter__(self) -> Iterator[tuple[str, Floats]]:
+        return ((role, self._mapping.passing(role)) for role in self._mapping)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -28,6 +28,7 @@ LAYERS = (
         "csv_text",
         "processes",
         "jit",
+        "once",
     ),
     ("interrupt",),
     ("config", "spool", "geo", "rotation", "stamps"),

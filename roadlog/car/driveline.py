@@ -8,6 +8,7 @@ import numpy as np
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
+from roadlog.once import once
 from roadlog.signals import WHEELS
 from roadlog.types import Bools, Floats
 
@@ -37,6 +38,7 @@ class Driveline:
     notes: list[str]
 
 
+@once
 def driveline(drive: Drive, vehicle: Vehicle) -> Driveline:
     """Wheel torques, from the first known of wheel torque, engine torque and drive force.
 
@@ -76,6 +78,7 @@ def undriven_axle(drive: Drive, vehicle: Vehicle) -> str | None:
     return axle if axle and f"wheel_speeds.{axle[0]}l" in drive else None
 
 
+@once
 def free_wheel_speed(drive: Drive, vehicle: Vehicle) -> Floats:
     """m/s along the road: the undriven wheels where there are any, else the drive's speed.
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from roadlog.drive import Drive
 from roadlog.filters.kernels import odd_window, slope
+from roadlog.once import once
 from roadlog.types import Floats
 
 RATE_WINDOW = 0.5  # s, least-squares slope of the gyro
@@ -22,6 +23,7 @@ class SpecificForce:
     z: Floats
 
 
+@once
 def specific_force_at_cg(
     drive: Drive, imu_position: tuple[float, float, float] | None
 ) -> SpecificForce:

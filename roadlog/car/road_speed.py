@@ -12,6 +12,7 @@ from roadlog.car.lever_arm import specific_force_at_cg
 from roadlog.car.planar_car import MIN_LOAD, wheel_loads
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
+from roadlog.once import once
 from roadlog.signals import WHEELS
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
@@ -21,6 +22,7 @@ MAX_SLIP = 0.1  # - and rad, up to which a force is in proportion to its slip
 MAX_PITCH_RATE = 0.5  # rad/s; no body on wheels pitches faster
 
 
+@once
 def road_speed(drive: Drive, vehicle: Vehicle) -> Floats:
     """m/s of the center of gravity along the body's x axis, which is what forces accelerate.
 

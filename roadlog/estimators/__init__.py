@@ -16,6 +16,7 @@ from roadlog.errors import ConfigError, EstimatorError, near
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import Engine, Estimator, default_notes
 from roadlog.filters.compiling import compiling
+from roadlog.once import once
 
 if TYPE_CHECKING:
     from roadlog.checks.finding import Finding
@@ -53,6 +54,8 @@ ALIASES = {
     "grade_ukf": "tfobe",
 }
 ENTRY_POINTS = "roadlog.estimators"
+
+_corrected = once(corrected)  # the same for every estimator, so that these share what they need
 
 
 def get(name: str) -> Estimator:
@@ -105,7 +108,7 @@ def run(
     params = estimator.configure(settings or {})
     changes = applied(vehicle, drive)
     said = [f"applied from the vehicle file: {', '.join(changes)}"] if changes else []
-    drive = corrected(drive, vehicle)
+    drive = _corrected(drive, vehicle) if changes else drive
     started = time.perf_counter()
     with compiling(estimator.name) as compiled:
         made = estimator.run(drive, vehicle, params, engine)

@@ -17,6 +17,7 @@ from roadlog.drive import Drive, nan_mean
 from roadlog.filters.correlate import correlate
 from roadlog.filters.lowpass import gaussian_mean
 from roadlog.geo import TransverseMercator
+from roadlog.once import once
 from roadlog.signals import AXES, WHEELS
 from roadlog.types import Floats
 
@@ -53,13 +54,10 @@ class Evidence:
     rate: float
     signals: Mapping[str, Floats]
 
-    @classmethod
-    def of(cls, drive: Drive) -> Evidence:
+    @staticmethod
+    def of(drive: Drive) -> Evidence:
         """Block means of every signal of a drive."""
-        size = max(1, round(drive.rate / RATE))
-        return cls(
-            drive.rate / size, {role: _block_mean(x, size) for role, x in drive.signals.items()}
-        )
+        return _evidence(drive)
 
     def triad(self, kind: str) -> Floats | None:
         """Three rows of accelerations or rates; None unless all axes are there."""
@@ -231,6 +229,13 @@ def shifted(x: Floats, y: Floats, shift: int) -> tuple[Floats, Floats]:
     if shift >= 0:
         return x[: len(x) - shift], y[shift:]
     return x[-shift:], y[: len(y) + shift]
+
+
+@once
+def _evidence(drive: Drive) -> Evidence:
+    size = max(1, round(drive.rate / RATE))
+    means = {role: _block_mean(x, size) for role, x in drive.signals.items()}
+    return Evidence(drive.rate / size, means)
 
 
 def _block_mean(values: Floats, size: int) -> Floats:

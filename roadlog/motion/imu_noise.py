@@ -15,6 +15,7 @@ import numpy as np
 
 from roadlog.drive import Samples
 from roadlog.filters.spectrum import welch
+from roadlog.once import once
 from roadlog.types import Floats
 
 SEGMENT, LEAST = 2.56, 256  # s and samples of a segment of the spectrum
@@ -34,14 +35,19 @@ class ImuNoise:
     accel: Floats
     gyro: Floats
 
-    @classmethod
-    def of(cls, imu: Samples) -> ImuNoise:
+    @staticmethod
+    def of(imu: Samples) -> ImuNoise:
         """Of the samples as they were taken, without those that no car makes."""
-        accel, gyro = (
-            np.array([_white(imu, f"{kind}_{axis}", limit) for axis in "xyz"])
-            for kind, limit in (("accel", MAX_FORCE), ("gyro", MAX_RATE))
-        )
-        return cls(accel, gyro)
+        return _noise(imu)
+
+
+@once
+def _noise(imu: Samples) -> ImuNoise:
+    accel, gyro = (
+        np.array([_white(imu, f"{kind}_{axis}", limit) for axis in "xyz"])
+        for kind, limit in (("accel", MAX_FORCE), ("gyro", MAX_RATE))
+    )
+    return ImuNoise(accel, gyro)
 
 
 def _white(imu: Samples, name: str, limit: float) -> float:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from roadlog.drive import Drive, runs
+from roadlog.once import once
 from roadlog.units import STANDARD_GRAVITY as G
 
 LEAST = 2.0  # s that the car stands
 
 
+@once
 def gravity_error(drive: Drive) -> float:
     """m/s2, root mean square over the stops of by how much the specific force's size misses g.
 

@@ -20,6 +20,7 @@ from roadlog.filters import Engine
 from roadlog.filters.gaps import age, hold
 from roadlog.filters.kalman import LinearModel, Track, kalman_filter, rts_smoother
 from roadlog.filters.kernels import odd_window, parabolic_mean, slope
+from roadlog.once import once
 from roadlog.types import Flags, Floats
 from roadlog.units import DEG
 from roadlog.units import STANDARD_GRAVITY as G
@@ -105,6 +106,7 @@ def total_roll(drive: Drive, vehicle: Vehicle, smooth: bool, engine: Engine) -> 
     return imu_roll(drive, vehicle, smooth, engine)
 
 
+@once
 def gnss_ins(drive: Drive, vehicle: Vehicle, smooth: bool, engine: Engine) -> TotalRoll:
     """Heading, total roll and velocity; docs/methods/ryu2004.md#two-antennas.
 
@@ -142,6 +144,7 @@ def gnss_ins(drive: Drive, vehicle: Vehicle, smooth: bool, engine: Engine) -> To
     )
 
 
+@once
 def imu_roll(drive: Drive, vehicle: Vehicle, smooth: bool, engine: Engine) -> TotalRoll:
     """Total roll from IMU and speed; docs/methods/ryu2004.md#total-roll-from-the-imu.
 
