@@ -96,7 +96,9 @@ def accuracy(seed: int = 0) -> None:
     print(row("1 each way", [[there[k], back[k]] for k in range(PAIRS)], road))
     print(row("2 each way", [[*there[k : k + 2], *back[k : k + 2]] for k in range(0, 10, 2)], road))
     print(row("4 each way", [[*there[k : k + 4], *back[k : k + 4]] for k in (0, 4)], road))
-    print(row("4 cars, one direction", [others[:4], others[4:]], road), flush=True)
+    print(row("1 of 8 cars", [[one] for one in others], road))
+    fours = [[others[(k + j) % 8] for j in (0, 1, 3, 6)] for k in range(8)]
+    print(row("4 cars, one direction", fours, road), flush=True)
 
 
 def cost() -> None:
