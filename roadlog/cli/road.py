@@ -36,8 +36,12 @@ def road(
         float,
         typer.Option(metavar="M", min=0.25, max=100.0, help="Between the road's points."),
     ] = STEP,
-    first: Annotated[float | None, typer.Option("--from", metavar="M")] = None,
-    last: Annotated[float | None, typer.Option("--to", metavar="M")] = None,
+    first: Annotated[
+        float | None, typer.Option("--from", metavar="M", min=0.0, help="Leave out what is before.")
+    ] = None,
+    last: Annotated[
+        float | None, typer.Option("--to", metavar="M", min=0.0, help="Leave out what is behind.")
+    ] = None,
     picture: Annotated[
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Also draw it; ends in .png, .svg or .pdf."),
@@ -47,35 +51,77 @@ def road(
     """Merge drives to a road model: line, elevation, grade and bank, each with its sd.
 
     Estimates that the logs hold are used, others are made. Several stretches of road become
-    several files, numbered from the longest on. --from and --to cut each in m along it.
+    several files, numbered from the longest on. --from and --to are in m along each of them.
 
     Example: roadlog road drives/ -o pass.xodr --plot pass.svg
     """  # fmt: skip
     from roadlog.errors import LogReadError
     from roadlog.files import check_output
     from roadlog.report.sources import is_remote
-    from roadlog.roads import formats
     from roadlog.roads.merge import roads
 
-    formats.checked(out)
+    _check(out, picture, estimator, first, last)
     inputs = [Path(drive) for drive in drives if not is_remote(drive)]
-    for path in (out, picture):
-        if path is not None:  # before the drives are read, not after
-            check_output(path, inputs, force=force)
+    outputs = [path for path in (out, picture) if path is not None]
+    for path in outputs:  # before the drives are read, not after
+        check_output(path, inputs, force=force)
     passes, failed = _passes(drives, estimator)
     if not passes:
-        raise LogReadError(f"none of {len(failed)} logs can tell of a road")
-    models = roads(passes, out.stem)
-    models = [model.between(first, last) for model in models]
-    if not models:
-        raise LogReadError("the drives are too short for a road: 40 m at least")
-    for k, model in enumerate(models, 1):
-        number = f"-{k}" if len(models) > 1 else ""
-        _write(model if step == STEP else model.refined(step), out, number, force)
-        if picture is not None:
-            _draw(model, passes, picture, number, force)
+        raise LogReadError(f"no road: {console.plural(len(failed), 'log')} left out, as said above")
+    models = _parts(roads(passes, out.stem), first, last)
+    _put([m if step == STEP else m.refined(step) for m in models], passes, outputs, force)
     if failed:
         raise typer.Exit(console.LOSS)
+
+
+def _check(
+    out: Path, picture: Path | None, estimator: str, first: float | None, last: float | None
+) -> None:
+    """What is asked for, before the drives are read. Raises RoadlogError, BadParameter."""
+    from roadlog import estimators
+    from roadlog.errors import ConfigError
+    from roadlog.roads import formats
+    from roadlog.view.figure import SUFFIXES
+
+    formats.checked(out)
+    if picture is not None and picture.suffix.lower() not in SUFFIXES:
+        raise typer.BadParameter(
+            f"{picture}: must end in {', '.join(SUFFIXES)}", param_hint="--plot"
+        )
+    if first is not None and last is not None and first >= last:
+        raise typer.BadParameter(f"--from {first:g} m is not before --to {last:g} m")
+    if "grade" not in estimators.get(estimator).gives:
+        raise ConfigError(f"{estimator} gives no grade, so no road; take fusion or kmbe")
+
+
+def _parts(models: list[RoadModel], first: float | None, last: float | None) -> list[RoadModel]:
+    """Each stretch from `first` to `last`; one that is shorter is left out. Raises RoadlogError."""
+    from roadlog.errors import ConfigError, LogReadError
+
+    if not models:
+        raise LogReadError("the drives are too short for a road: 40 m at least")
+    parts = []
+    for model in models:
+        try:
+            parts.append(model.between(first, last))
+        except ConfigError as error:
+            if model is models[0]:  # the longest
+                raise
+            console.complain(f"warning: left out: {error}")
+    return parts
+
+
+def _put(models: list[RoadModel], passes: list[Pass], outputs: list[Path], force: bool) -> None:
+    """Every road in its file and its picture, numbered where there are several."""
+    from roadlog.files import check_output
+
+    numbers = [f"-{k}" if len(models) > 1 else "" for k in range(1, len(models) + 1)]
+    for path in (path.with_stem(path.stem + n) for path in outputs for n in numbers):
+        check_output(path, force=force)
+    for model, number in zip(models, numbers, strict=True):
+        _write(model, outputs[0], number, force)
+        for picture in outputs[1:]:
+            _draw(model, passes, picture, number, force)
 
 
 def _write(model: RoadModel, out: Path, number: str, force: bool) -> None:

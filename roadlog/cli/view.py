@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from roadlog.cli import console, options
 
 if TYPE_CHECKING:
+    from roadlog.roads.model import RoadModel
     from roadlog.view.model import DriveView
 
 
 def view(
     logs: Annotated[
-        list[Path], typer.Argument(metavar="LOG...", help="Logs; several stand side by side.")
+        list[Path],
+        typer.Argument(metavar="LOG...", help="Logs side by side, or a road (.xodr, .crg, ...)."),
     ],
     save: Annotated[
         Path | None, typer.Option(metavar="F.rrd", help="Write a recording; open no window.")
@@ -43,6 +48,7 @@ def view(
     """Show drives in Rerun: angles, errors, inputs, scene, map, stops, summary.
 
     Several runs of one drive share its truth and inputs; their estimators are called NAME@LOG.
+    A road file is shown as a surface colored by its bank, with its profile over distance.
 
     Example: roadlog view drive.mcap causal.mcap -e fusion --save compare.rrd
     """
@@ -58,12 +64,17 @@ def view(
     viewer.check_version()
     if connect is not None:
         viewer.check_listening(connect)
+    road = _road(logs)
+    if road is not None:
+        with output(save, logs, force=force), scratch() as folder:
+            _show(_shown_road(road), save, web, png, connect, folder, force)
+        return
     with output(save, [*logs, profile], force=force), scratch() as folder:
         opened = [DriveLog(path, profile) for path in logs]
         shown = drive_view(opened, names or (), rate)
         for note in shown.notes:
             console.note(f"{note}")
-        _show(shown, save, web, png, connect, folder, force)
+        _show(_shown_drive(shown), save, web, png, connect, folder, force)
     console.warn_losses([f"{log.path}: {loss}" for log in opened for loss in log.losses])
 
 
@@ -95,8 +106,53 @@ def _write_layouts(
         console.say(str(target))
 
 
+@dataclass(frozen=True)
+class _Shown:
+    """What is looked at. cursor: timeline, and the middle of it."""
+
+    words: str
+    write: Callable[[Path], None]
+    send: Callable[[str], None]
+    cursor: dict[str, Any]
+
+
+def _shown_drive(view: DriveView) -> _Shown:
+    from roadlog.view.names import TIMELINE
+    from roadlog.view.recording import send_recording, write_recording
+
+    return _Shown(
+        f"{view.duration:.1f} s, {console.plural(len(view.estimators), 'estimate')}",
+        partial(write_recording, view),
+        partial(send_recording, view),
+        {"timeline": TIMELINE, "duration": view.duration / 2},
+    )
+
+
+def _road(files: list[Path]) -> RoadModel | None:
+    """The road, where a road file is to be looked at. Raises BadParameter for several."""
+    from roadlog.roads import formats
+
+    if not any(path.suffix.lower() in formats.READABLE for path in files):
+        return None
+    if len(files) > 1:
+        raise typer.BadParameter("shows one road at a time", param_hint="LOG")
+    return formats.read(files[0])
+
+
+def _shown_road(road: RoadModel) -> _Shown:
+    from roadlog.view.names import DISTANCE
+    from roadlog.view.surface import send_road, write_road
+
+    return _Shown(
+        f"{road.length:.0f} m of road",
+        partial(write_road, road),
+        partial(send_road, road),
+        {"timeline": DISTANCE, "sequence": int(road.s[0] + road.length / 2)},
+    )
+
+
 def _show(
-    shown: DriveView,
+    shown: _Shown,
     save: Path | None,
     web: bool,
     png: Path | None,
@@ -105,21 +161,17 @@ def _show(
     force: bool,
 ) -> None:
     from roadlog.view import viewer
-    from roadlog.view.recording import send_recording, write_recording
 
     is_ours = web or png is not None  # a window loads its recording when we are gone
     path = save or (folder / "drive.rrd" if is_ours else viewer.recording_path())
     if save is not None or connect is None:
-        write_recording(shown, path)
-        size = path.stat().st_size / 1e6
-        console.say(
-            f"{path}: {shown.duration:.1f} s, {len(shown.estimators)} estimates, {size:.1f} MB"
-        )
+        shown.write(path)
+        console.say(f"{path}: {shown.words}, {path.stat().st_size / 1e6:.1f} MB")
     if connect is not None:
-        send_recording(shown, connect)
+        shown.send(connect)
         console.say(f"sent to {connect}")
     elif png is not None:
-        for picture in viewer.pictures(path, png, shown.duration / 2, force=force):
+        for picture in viewer.pictures(path, png, shown.cursor, force=force):
             console.say(str(picture))
     elif web:
         viewer.serve(path, lambda url: console.complain(f"open {url} (Ctrl-C ends)"))

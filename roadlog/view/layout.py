@@ -23,7 +23,7 @@ _EVERYTHING = ("$origin/**",)
 _AROUND = (20.0, 10.0)  # s before and after the cursor in the plots beside the scene
 
 
-class _WholeDrive(rrb.Blueprint):  # type: ignore[misc]
+class WholeDrive(rrb.Blueprint):  # type: ignore[misc]
     """A blueprint whose linked time axes show everything.
 
     Without it plots of more than a minute open on 30 s around the cursor.
@@ -41,7 +41,7 @@ def layout(view: DriveView) -> rrb.Blueprint:
     """The tabs; one without data is left out."""
     makers = (_angles, _totals, _errors, _fields, _inputs, _scene, _map, _windows, _summary)
     tabs = [tab for maker in makers if (tab := maker(view)) is not None]
-    return _WholeDrive(
+    return WholeDrive(
         rrb.Tabs(*tabs, active_tab=0),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused"),
         rrb.BlueprintPanel(state="collapsed"),

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import rerun as rr
 
-from roadlog.errors import RoadlogError
-from roadlog.files import write
 from roadlog.types import Floats, Stamps
 from roadlog.view import colors
 from roadlog.view.curves import Curve
@@ -20,33 +19,21 @@ from roadlog.view.model import DriveView
 from roadlog.view.names import APPLICATION, BAND, DISTANCE, MORE, SHOWN, TIMELINE, path
 from roadlog.view.scene import Scene
 from roadlog.view.stops import TITLE, StopPicture
+from roadlog.view.streams import rgba, send_stream, write_stream
 from roadlog.view.track import Track
 
 TRUTH_WIDTH, WIDTH_2D = 3.0, 2.0  # screen points
 CURVE_WIDTH = 1.5
-SEND_TIME = 120.0  # s, for a running viewer to take a drive
 
 
 def write_recording(view: DriveView, path: Path) -> None:
     """Write a .rrd with the drive and its layout, whole or not at all. Raises LogWriteError."""
-    with rr.RecordingStream(APPLICATION, recording_id=view.name) as sink:
-        stream = sink.binary_stream()
-        sink.send_blueprint(layout(view), make_active=True, make_default=True)
-        log_view(sink, view)
-        content = stream.read(flush=True)
-    write(path, content or b"")
+    write_stream(view.name, layout(view), partial(log_view, view=view), path)
 
 
 def send_recording(view: DriveView, url: str) -> None:
     """Send a drive and its layout to a viewer that listens at `url`. Raises RoadlogError."""
-    with rr.RecordingStream(APPLICATION, recording_id=view.name) as sink:
-        sink.connect_grpc(url, default_blueprint=layout(view))
-        sink.send_blueprint(layout(view), make_active=True)
-        log_view(sink, view)
-        try:
-            sink.flush(timeout_sec=SEND_TIME)
-        except (RuntimeError, ValueError) as error:
-            raise RoadlogError(f"{url}: the viewer took not everything: {error}") from error
+    send_stream(view.name, layout(view), partial(log_view, view=view), url)
 
 
 def show_in_notebook(view: DriveView, height: int) -> None:
@@ -63,7 +50,7 @@ def log_view(recording: rr.RecordingStream, view: DriveView) -> None:
     for signals, by_run in view.inputs.items():
         for run, inputs in by_run.items():
             entity = path("inputs", signals, run or "signals")
-            shades = _rgba([colors.PALETTE[k] for k in range(len(inputs.names))])
+            shades = rgba([colors.PALETTE[k] for k in range(len(inputs.names))])
             style = rr.SeriesLines(names=list(inputs.names), colors=shades)
             recording.log(entity, style, static=True)
             times = _times(inputs.time, inputs.distance)
@@ -77,7 +64,7 @@ def log_view(recording: rr.RecordingStream, view: DriveView) -> None:
         entity = path("lanes", name)
         known = list(dict.fromkeys(state for state in lane.states if state))
         style = rr.StateConfiguration(
-            values=known, labels=known, colors=_rgba([STATES[state] for state in known])
+            values=known, labels=known, colors=rgba([STATES[state] for state in known])
         )
         recording.log(entity, style, static=True)
         times = _times(lane.time, lane.distance)
@@ -137,7 +124,7 @@ def grouped(curves: Mapping[str, Curve], shown: Sequence[str]) -> dict[str, dict
 
 
 def _truth(recording: rr.RecordingStream, entity: str, name: str, curve: Curve) -> None:
-    style = rr.SeriesLines(names=[name], colors=_rgba([colors.TRUTH]), widths=[TRUTH_WIDTH])
+    style = rr.SeriesLines(names=[name], colors=rgba([colors.TRUTH]), widths=[TRUTH_WIDTH])
     recording.log(entity, style, static=True)
     columns = rr.Scalars.columns(scalars=_fine(curve.values))
     recording.send_columns(entity, _times(curve.time, curve.distance), columns)
@@ -198,7 +185,7 @@ def _style(
 ) -> None:
     style = kind.from_fields(
         names=list(curves),
-        colors=_rgba([color[name] for name in curves]),
+        colors=rgba([color[name] for name in curves]),
         widths=[width] * len(curves),
         visible_series=[visible] * len(curves),
     )
@@ -230,7 +217,7 @@ def _track(recording: rr.RecordingStream, name: str, track: Track) -> None:
     limit = grade_limit(track.grade)
     shades = colors.grade_colors(track.grade, limit)
     pieces = [slice(a, b + 1) for a, b in _pieces(shades)]
-    shade = _rgba([int(shades[piece.start]) for piece in pieces])
+    shade = rgba([int(shades[piece.start]) for piece in pieces])
     plane = np.stack([track.east, -track.north], axis=1)  # 2-D views are y down
     strips = rr.LineStrips2D(
         [plane[piece] for piece in pieces], colors=shade, radii=rr.Radius.ui_points(WIDTH_2D)
@@ -266,7 +253,7 @@ def _color_bar(recording: rr.RecordingStream, name: str, plane: Floats, limit: f
     centers = np.stack([x, np.full(len(x), y)], axis=1)
     shades = colors.grade_colors(values, limit)
     bars = [np.array([[c - step / 2, y], [c + step / 2, y]]) for c in x]
-    strips = rr.LineStrips2D(bars, colors=_rgba(list(shades)), radii=rr.Radius.ui_points(4.0))
+    strips = rr.LineStrips2D(bars, colors=rgba(list(shades)), radii=rr.Radius.ui_points(4.0))
     recording.log(path("track", name, "colors"), strips, static=True)
     marks = [0, colors.GRADE_STEPS, 2 * colors.GRADE_STEPS]
     texts = [f"{values[k]:+.1f}°" for k in marks]
@@ -276,7 +263,7 @@ def _color_bar(recording: rr.RecordingStream, name: str, plane: Floats, limit: f
         labels=texts,
         show_labels=True,
         radii=rr.Radius.ui_points(0.5),
-        colors=_rgba([colors.TRUTH]),
+        colors=rgba([colors.TRUTH]),
     )
     recording.log(path("track", name, "colors", "labels"), labels, static=True)
 
@@ -310,7 +297,7 @@ def _scene(recording: rr.RecordingStream, scene: Scene, color: dict[str, int]) -
     road = rr.Mesh3D(
         vertex_positions=vertices,
         triangle_indices=triangles,
-        vertex_colors=_rgba(np.repeat(colors.darker(shades), 2).tolist()),
+        vertex_colors=rgba(np.repeat(colors.darker(shades), 2).tolist()),
     )
     recording.log("world/road", road, static=True)
     middle = 0.5 * (scene.left + scene.right) + [0.0, 0.0, 0.15]
@@ -337,7 +324,7 @@ def _scene(recording: rr.RecordingStream, scene: Scene, color: dict[str, int]) -
         boxes = rr.Boxes3D(
             centers=[_BODY[0], _CABIN[0]],
             half_sizes=[_BODY[1], _CABIN[1]],
-            colors=0xC8C8C8FF if solid else _rgba([color[name]] * 2),
+            colors=0xC8C8C8FF if solid else rgba([color[name]] * 2),
             fill_mode="solid" if solid else "MajorWireframe",
             radii=None if solid else rr.Radius.ui_points(1.5),
         )
@@ -350,12 +337,12 @@ def _stops(recording: rr.RecordingStream, label: str, picture: StopPicture) -> N
     shade = [_window_color(w.into, w.valid) for w in windows]
     chords = rr.LineStrips2D(
         [picture.chord(k) for k in range(len(windows))],
-        colors=_rgba([colors.TRUTH]),
+        colors=rgba([colors.TRUTH]),
         radii=rr.Radius.ui_points(1.0),
     )
     paths = rr.LineStrips2D(
         [picture.path(k) for k in range(len(windows))],
-        colors=_rgba(shade),
+        colors=rgba(shade),
         radii=rr.Radius.ui_points(1.5),
     )
     places = np.array([picture.place(k) for k in range(len(windows))])
@@ -363,7 +350,7 @@ def _stops(recording: rr.RecordingStream, label: str, picture: StopPicture) -> N
         places + np.array(TITLE),
         labels=[w.label for w in windows],
         show_labels=True,
-        colors=_rgba(shade),
+        colors=rgba(shade),
         radii=rr.Radius.ui_points(0.5),
     )
     recording.log(path("stops", label, "chords"), chords, static=True)
@@ -377,11 +364,6 @@ def _window_color(into: bool, valid: bool) -> int:
     if not valid:
         return colors.TRUTH
     return STATES["into the stop" if into else "out of the stop"]
-
-
-def _rgba(values: Sequence[int]) -> Any:
-    """0xRRGGBB as opaque colors; an array, because a short list would be read as channels."""
-    return np.array([value << 8 | 0xFF for value in values], np.uint32)
 
 
 def _times(seconds: Floats, distance: Floats | None) -> list[rr.TimeColumn]:

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -111,17 +111,17 @@ def check_listening(url: str) -> None:
 
 
 def pictures(
-    path: Path, folder: Path, at: float, size: str = WINDOW, *, force: bool = True
+    path: Path, folder: Path, cursor: Mapping[str, Any], size: str = WINDOW, *, force: bool = True
 ) -> list[Path]:
     """Draw every tab of a recording into FOLDER/N-tab.png, without a screen.
 
-    at: s, where the cursor stands. force: pictures that are there may go. Raises NoGraphicsError
+    cursor: timeline, and where on it. force: pictures that are there may go. Raises NoGraphicsError
     without a Vulkan driver, RoadlogError when the viewer reports errors.
     """
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     with headless(path, size) as viewer:
-        viewer.set_time("drive_time", duration=at, play_state="paused")
+        viewer.set_time(**cursor, play_state="paused")
         for k, name in enumerate(viewer.tabs, 1):
             viewer.show(name)
             target = folder / f"{k}-{name.lower()}.png"

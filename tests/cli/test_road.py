@@ -53,7 +53,7 @@ def test_a_log_without_positions_is_left_out(roadlog: Run, drives: Path) -> None
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("blind.mcap", "-e", "ti", "-o", "x.csv"), "none of 1 logs can tell of a road"),
+        (("blind.mcap", "-e", "ti", "-o", "x.csv"), "no road: 1 log left out"),
         (("there.mcap", "-e", "ti", "-o", "x.png"), "a road file ends with"),
         (("there.mcap", "-e", "ti", "-o", "x.csv", "--from", "900"), "no road between"),
         (("missing.mcap", "-o", "x.csv"), "no such file"),
@@ -67,3 +67,22 @@ def test_what_cannot_be_a_road(
     assert words in done.stderr
     assert "Traceback" not in done.stderr
     assert not list(tmp_path.glob("x.*"))
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        (("--from", "300", "--to", "100"), 2, "--from 300 m is not before --to 100 m"),
+        (("--from", "-5"), 2, "--from"),
+        (("--plot", "y.bmp"), 2, "must end in .png, .svg, .pdf"),
+        (("-e", "fusoin"), 1, "no estimator 'fusoin'. Close: fusion"),
+        (("-e", "lowpass_attitude"), 1, "lowpass_attitude gives no grade"),
+    ],
+)
+def test_options_are_checked_before_any_drive_is_read(
+    roadlog: Run, options: tuple[str, ...], code: int, words: str
+) -> None:
+    done = roadlog("road", "no/such/drives", "-o", "x.csv", *options)
+    assert done.returncode == code
+    assert words in " ".join(done.stderr.replace("│", " ").split())
+    assert "no such file" not in done.stderr

@@ -23,6 +23,7 @@ ELSEWHERE = {
     "s3://": "tests/report/test_cloud.py, against a store of its own",
     "reproduce": "tests/cli/test_reproduce.py",
     "road": "tests/cli/test_road.py",
+    ".xodr": "tests/cli/test_road.py, tests/view/test_surface.py",
     "--road": "tests/simulate/test_on_road.py",
     "--truth-from": "tests/ingest/test_terrain.py, tests/simulate/test_on_road.py, test_survey.py",
     "evaluate": "test_site.py, on the quick start's drive, which has truth",
