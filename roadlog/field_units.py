@@ -28,7 +28,8 @@ _BESIDE: dict[str, dict[str, str]] = {
     | _along("rate", "rad/s")
     | _all([*AXES, "distance", "offset"], "m")
     | _all(["heading", "static_pitch"], "rad"),
-    "FuelEstimate": {"volume_raw": "L", "volume": "L", "level_fraction": "-", "tilt": "rad"},
+    "FuelEstimate": {"volume_raw": "L", "volume": "L", "level_fraction": "-", "tilt": "rad"}
+    | {"consumption": "L/km", "remaining_range": "km"},
     "FusionConstants": _with_sd(
         _along("gyro_bias", "rad/s")
         | _along("accel_bias", "m/s^2")
@@ -46,6 +47,7 @@ _BESIDE: dict[str, dict[str, str]] = {
         ["inclination", "roll_total", "grade", "pitch", "pitch_sd", "pitch_mean", "pitch_mean_sd"],
         "rad",
     )
+    | {"leveling": "rad"}
     | {"chord_deviation": "m", "duration": "s", "standstill": "s", "gravity": "m/s^2"}
     | _along("gyro_bias", "rad/s"),
     "StopWindow": _all(["s", *AXES], "m") | {"inclination": "rad"},

@@ -72,5 +72,5 @@ def test_comments_state_the_units_of_the_table(schema: str) -> None:
 
 def test_the_table_names_nothing_else_and_known_units_only() -> None:
     assert set(field_units.UNITS) <= set(MESSAGES)
-    known = {*UNITS, "L", "rad^2", "rad/(m/s^2)"}
+    known = {*UNITS, "L", "L/km", "km", "rad^2", "rad/(m/s^2)"}
     assert all(set(fields.values()) <= known for fields in field_units.UNITS.values())

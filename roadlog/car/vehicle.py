@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from roadlog import toml
+from roadlog.car.vehicle_rows import Axis, consumption_map, rotation_rows
 from roadlog.errors import ConfigError, near
 
 if TYPE_CHECKING:
     from roadlog.types import Floats
 
 Kind = Literal["given", "calibrated", "preset", "default"]
-Axis = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -102,6 +102,12 @@ class Vehicle:
     tank_height: float = _parameter(0.15, "m", "box along z", "tank.height")
     tank_sender: tuple[float, float] = _parameter(
         (0.15, 0.0), "m", "sender from the tank center, x and y", "tank.sender"
+    )
+    consumption: tuple[Axis, ...] | None = _parameter(
+        None,
+        "m/s, N, L/h",
+        "speed, force at the wheels, fuel: all points of a grid",
+        "tank.consumption",
     )
     sources: Mapping[str, Source] = field(default_factory=dict, metadata={"key": None})
 
@@ -271,7 +277,9 @@ def _checked(name: str, value: Any, where: str) -> Any:
             raise ConfigError(f"{where} = {value!r}: must be front, rear or all")
         return value
     if name == "imu_mount":
-        return _rotation(value, where)
+        return rotation_rows(value, where)
+    if name == "consumption":
+        return consumption_map(value, where)
     if name in _VECTORS:
         size = _VECTORS[name]
         unit = next(f.metadata["unit"] for f in fields(Vehicle) if f.name == name)
@@ -285,22 +293,6 @@ def _checked(name: str, value: Any, where: str) -> Any:
     if value < 0 or (value == 0 and name not in _MAY_BE_ZERO):
         raise ConfigError(f"{where} = {value!r}: must be positive")
     return float(value)
-
-
-def _rotation(value: Any, where: str) -> tuple[Axis, Axis, Axis]:
-    """Three rows of a rotation. Raises ConfigError."""
-    import numpy as np
-
-    from roadlog.rotation import is_rotation
-
-    rows = value if isinstance(value, list) and len(value) == 3 else []
-    if not rows or not all(
-        isinstance(row, list) and len(row) == 3 and all(map(toml.is_number, row)) for row in rows
-    ):
-        raise ConfigError(f"{where} = {value!r}: must be three rows of three numbers")
-    if not is_rotation(np.array(rows, np.float64)):
-        raise ConfigError(f"{where}: is no rotation of right-handed axes")
-    return tuple(tuple(float(v) for v in row) for row in rows)  # type: ignore[return-value]
 
 
 def _toml_source(key: str, source: Source) -> str:

@@ -61,6 +61,8 @@ def test_toml_round_trip(car: Vehicle) -> None:
         ("[vehicle]\nimu_mount = [1, 2, 3]", "three rows of three numbers"),
         ("[vehicle]\nimu_mount = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]", "no rotation"),
         ("[sources]\nmass = { source = 'given', sd = [1, 2] }", "must be a number or three"),
+        ("[tank]\nconsumption = [[0, 0, 1], [10, 0, 2]]", "2 speeds and 1 forces: must hold every"),
+        ("[tank]\nconsumption = [[0, 0, 1], 3]", "must be rows of three numbers"),
         ("[vehicle", "not a TOML file"),
         ("[sources]\nmass = 'guess'", "none of given"),
     ],

@@ -12,6 +12,8 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, static_mask
 from roadlog.estimate import Estimate
 from roadlog.estimators import run
+from roadlog.estimators.kim2023.gravity_bias import gravity_bias
+from roadlog.estimators.kim2023.stops import StaticSlopeParameters, find_stops, vectors
 from roadlog.log import DriveLog, create
 from roadlog.signals import FLAGS
 from roadlog.storage import Table
@@ -450,7 +452,7 @@ def test_an_imu_ahead_of_the_axle_needs_no_position(ahead: Drive) -> None:
     estimate = run("static_slope", ahead, Vehicle())
     share, error, _ = events_of(estimate)
     assert share >= 0.9
-    assert abs(error) < 0.1
+    assert abs(error) < 0.05
     assert any("taken for imu_position" in note for note in estimate.notes)
     assert any("10 of 10 windows used (5 of 5 forward, 5 of 5 rev" in n for n in estimate.notes)
 
@@ -463,6 +465,37 @@ def test_a_wrong_position_is_told_and_in_the_sd(ahead: Drive) -> None:
     _, error, sd = events_of(wrong)
     assert sd > events_of(right)[2]
     assert abs(error) < 2 * sd
+
+
+def test_gravity_on_different_slopes_shows_the_bias_along_x() -> None:
+    """And takes it off the inclination; on one slope nothing is said of it."""
+    drive = Drive.from_tables(simulated("kim2023-urban", seed=1).tables)
+    stops = find_stops(drive, static_mask(drive.speed, RATE), False, StaticSlopeParameters())
+    force = vectors(drive, "accel")
+    found = gravity_bias(force, stops)
+    assert found is not None
+    assert abs(found.value - 0.15) < 2.5 * found.sd < 0.05
+    estimate = run("static_slope", drive, Vehicle())
+    assert any("accelerometer bias along x: taken off" in note for note in estimate.notes)
+    plain = run("static_slope", drive, Vehicle(), {"accel_bias": "none"})
+    tilt = np.nanmean(plain.angles["inclination"] - estimate.angles["inclination"])
+    assert tilt == pytest.approx(0.15 / G, rel=0.1)
+    assert gravity_bias(force, stops[:4]) is None
+    v, accel = motions(count=6)
+    flat = Drive.from_tables(tables(v, accel, bias=(0.3, 0.0, 0.0), noise=0.003))
+    stood = find_stops(flat, static_mask(flat.speed, RATE), False, StaticSlopeParameters())
+    assert len(stood) > 5
+    assert gravity_bias(vectors(flat, "accel"), stood) is None
+
+
+def test_a_headlamp_is_told_its_leveling_without_a_truth(ahead: Drive) -> None:
+    estimate = run("static_slope", ahead, Vehicle(), {"aimed_pitch": 0.01})
+    columns = estimate.details["events"].columns
+    np.testing.assert_allclose(columns["leveling"], 0.01 - columns["pitch_mean"])
+    last = np.degrees(columns["leveling"][-1])
+    (note,) = [note for note in estimate.notes if "headlamp leveling" in note]
+    assert f"{last:+.2f} +- " in note
+    assert "aimed at a pitch of 0.57 deg" in note
 
 
 @pytest.mark.parametrize(("direction", "kind"), [("forward", ACCELERATION), ("reverse", 1)])

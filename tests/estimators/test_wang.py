@@ -202,6 +202,34 @@ def test_fuel_by_specific_force_is_right_and_beats_attitude(name: str) -> None:
     assert error["attitude_accel"] < error["attitude"]
 
 
+CONSUMPTION = tuple(  # an engine that burns 1 L/h idling and 0.3 L for each kWh at the wheels
+    (v, f, 1.0 + 0.3 * max(v * f, 0.0) / 1000.0)
+    for v in (0.0, 10.0, 20.0, 40.0)
+    for f in (0.0, 8000.0)
+)
+
+
+def test_remaining_range_is_the_volume_over_what_the_map_burns() -> None:
+    _, _, simulation = ideal(UP)
+    car = simulation.vehicle.with_values(consumption=CONSUMPTION)
+    drive = wang_drive(UP, 1)
+    signals = {**drive.signals, "fuel.sender": sender_level(UP, 0.020)}
+    with_sender = dataclasses.replace(drive, signals=signals)
+    columns = estimators.run("fuel_level", with_sender, car).details["fuel"].columns
+    speed, force = drive.speed, np.clip(drive["powertrain.drive_force"], 0.0, None)
+    liters = np.sum(1.0 + 0.3 * speed * force / 1000.0) * drive.dt / 3600.0
+    per_km = liters / (np.sum(speed) * drive.dt / 1000.0)
+    assert columns["consumption"][-1] == pytest.approx(per_km, rel=0.02)
+    assert columns["remaining_range"][-1] == pytest.approx(20.0 / per_km, rel=0.05)
+    # without a drive force the accelerometer knows it: it holds the slope
+    del signals["powertrain.drive_force"]
+    without = dataclasses.replace(drive, signals=signals)
+    alone = estimators.run("fuel_level", without, car).details["fuel"].columns
+    assert alone["consumption"][-1] == pytest.approx(per_km, rel=0.06)
+    no_map = estimators.run("fuel_level", with_sender, simulation.vehicle).details["fuel"].columns
+    assert np.isnan(no_map["remaining_range"]).all()
+
+
 def test_dry_sender_only_bounds_the_level() -> None:
     _, _, simulation = ideal(UP)
     drive = wang_drive(UP, 1)

@@ -16,6 +16,7 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, static_mask
 from roadlog.estimate import Detail, Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag
+from roadlog.estimators.kim2023.gravity_bias import GravityBias, gravity_bias
 from roadlog.estimators.kim2023.lever import rocking_lever
 from roadlog.estimators.kim2023.stop_windows import Event, Windows, running_mean
 from roadlog.estimators.kim2023.stops import StaticSlopeParameters, Stop, find_stops, vectors
@@ -49,7 +50,11 @@ def static_slope(
     mount = _mount(drive, vehicle, stops, params)
     if not mount.full and params.align != "paper":
         stops = find_stops(drive, static, False, params)
-    windows = Windows(drive, static, mount.lever, mount.full, params)
+    biased = (
+        gravity_bias(vectors(drive, "accel"), stops) if params.accel_bias == "gravity" else None
+    )
+    bias = biased.value if biased else 0.0
+    windows = Windows(drive, static, mount.lever, bias, mount.full, params)
     events = [event for stop in stops for event in windows.events(stop, engine)]
     mean, mean_sd = running_mean(events, params)
     mean_sd = np.hypot(mean_sd, PITCH_PER_LEVER * mount.sd)
@@ -65,10 +70,11 @@ def static_slope(
         | flag(~known, "converging")
     )
     details = {
-        "events": _event_detail(drive, events, mean, mean_sd),
+        "events": _event_detail(drive, events, mean, mean_sd, params),
         "windows": _window_detail(drive, events),
     }
-    notes = [*mount.notes, *_notes(stops, events)]
+    notes = [*mount.notes, *_of_bias(biased), *_notes(stops, events)]
+    notes += _leveling(mean, mean_sd, params)
     return Estimate(drive.time, angles, sd, known, flags, details, notes)
 
 
@@ -96,7 +102,9 @@ def _held(
     return angles, sd
 
 
-def _event_detail(drive: Drive, events: list[Event], mean: Floats, mean_sd: Floats) -> Detail:
+def _event_detail(
+    drive: Drive, events: list[Event], mean: Floats, mean_sd: Floats, params: StaticSlopeParameters
+) -> Detail:
     bias = np.array([event.stop.gyro_bias for event in events]).reshape(len(events), 3)
 
     def column(values: list[float]) -> Floats:
@@ -111,6 +119,7 @@ def _event_detail(drive: Drive, events: list[Event], mean: Floats, mean_sd: Floa
         "pitch_sd": column([e.pitch_sd for e in events]),
         "pitch_mean": mean,
         "pitch_mean_sd": mean_sd,
+        "leveling": params.aimed_pitch - mean,
         "chord_deviation": column([e.path.chord_deviation for e in events]),
         "duration": column([e.duration for e in events]),
         "standstill": column([(e.stop.last + 1 - e.stop.first) * drive.dt for e in events]),
@@ -182,6 +191,25 @@ def _mount(
         return _Mount(lever, 0.0, True, [])
     said = f"{told}, imu_position says {lever[0]:+.2f} m: the sd of the pitch allows for it"
     return _Mount(lever, apart, True, [said])
+
+
+def _leveling(mean: Floats, sd: Floats, params: StaticSlopeParameters) -> list[str]:
+    """By how much a headlamp is to be turned at the end of the drive."""
+    known = np.flatnonzero(np.isfinite(mean))
+    if not len(known):
+        return []
+    angle, width = np.degrees(params.aimed_pitch - mean[known[-1]]), np.degrees(sd[known[-1]])
+    said = f"headlamp leveling {angle:+.2f} +- {width:.2f} deg at the end (beam up +)"
+    return [f"{said}, for one that is aimed at a pitch of {np.degrees(params.aimed_pitch):.2f} deg"]
+
+
+def _of_bias(found: GravityBias | None) -> list[str]:
+    if found is None:
+        return []
+    return [
+        f"gravity at {found.stops} stops on different slopes shows {found.value:+.3f} +- "
+        f"{found.sd:.3f} m/s2 of accelerometer bias along x: taken off"
+    ]
 
 
 def _notes(stops: list[Stop], events: list[Event]) -> list[str]:

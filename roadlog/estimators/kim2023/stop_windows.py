@@ -95,17 +95,23 @@ class Event:
 class Windows:
     """The windows of one drive: integrates from stops and judges the result.
 
-    force, rate: (n, 3), m/s2 and rad/s. lever: (3,) m from the pitch center to the IMU. full:
-    docs/methods/kim2023.md#alignment instead of the paper's.
+    force, rate: (n, 3), m/s2 and rad/s. bias: m/s2, taken off the force along x. lever: (3,) m from
+    the pitch center to the IMU. full: docs/methods/kim2023.md#alignment instead of the paper's.
     """
 
     def __init__(
-        self, drive: Drive, static: Bools, lever: Floats, full: bool, params: StaticSlopeParameters
+        self,
+        drive: Drive,
+        static: Bools,
+        lever: Floats,
+        bias: float,
+        full: bool,
+        params: StaticSlopeParameters,
     ) -> None:
         self.rate_hz = drive.rate
         self.dt = drive.dt
         self.static = static
-        self.force = vectors(drive, "accel")
+        self.force = vectors(drive, "accel") - [bias, 0.0, 0.0]
         self.rate = vectors(drive, "gyro")
         self.known: Bools = np.asarray(
             np.isfinite(np.hstack([self.force, self.rate])).all(axis=1), np.bool_

@@ -34,6 +34,9 @@ class StaticSlopeParameters:
     )
     integration: Literal["trapezoid", "rectangle"] = parameter("trapezoid", "", "rectangle: paper")
     gyro_bias: Literal["mean", "lowpass"] = parameter("mean", "", "lowpass: paper")
+    accel_bias: Literal["gravity", "none"] = parameter(
+        "gravity", "", "gravity: along x by the size of gravity at stops (ours); none: paper"
+    )
     bias_cutoff: float = parameter(0.05, "Hz", "of the gyro bias low-pass")
     hold_off: float = parameter(0.5, "s", "zero speed before and after a standing sample")
     min_standstill: float = parameter(1.0, "s", "shorter stops do not count")
@@ -60,6 +63,9 @@ class StaticSlopeParameters:
         "equal", "", "of the running mean; variance: 1/sd^2"
     )
     reset_on_load: bool = parameter(False, "", "start the mean anew when the load changes")
+    aimed_pitch: float = parameter(
+        0.0, "rad", "pitch of the body for which the headlamp is aimed: zero of the leveling (ours)"
+    )
     load_step: float = parameter(0.00262, "rad", "change of inclination that is a load")
 
 

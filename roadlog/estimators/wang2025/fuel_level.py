@@ -24,6 +24,8 @@ from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
 LITERS = 1000.0  # L/m3
+HOUR = 3600.0  # s
+LEAST_WAY = 0.2  # km, before which nothing is said of the consumption
 SENDER_MARGIN = 0.002  # m; nearer to floor or roof the sender only gives a bound
 LEVEL_TILT = 1e-6  # tan; below it the surface counts as level
 
@@ -40,6 +42,9 @@ class FuelLevelParameters:
     )
     slosh_time: float = parameter(10.0, "s", "time constant of the low-pass")
     hold_time: float = parameter(60.0, "s", "held this long while the sender is dry or full; ours")
+    range_distance: float = parameter(
+        20e3, "m", "the remaining range is as if these last meters went on; ours"
+    )
 
 
 def tank_volume(level: Floats, tilt: Floats, vehicle: Vehicle) -> Floats:
@@ -84,10 +89,42 @@ def fuel_level(
         "level_fraction": volume / tank,
         "tilt": np.arctan(tilt),
     }
+    used = consumed(drive, vehicle, params.range_distance)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        columns |= {"consumption": used, "remaining_range": volume * LITERS / used}
     flags = flag(~known, "missing") | flag(held, "held") | flag(dry_or_full, "saturated")
     details = {"fuel": Detail("roadlog.v1.FuelEstimate", drive.time, columns)}
     valid = known & ~dry_or_full & np.isfinite(volume)
     return Estimate(drive.time, {}, {}, valid, flags, details)
+
+
+def consumed(drive: Drive, vehicle: Vehicle, distance: float) -> Floats:
+    """L/km over the last `distance` m, or all so far, by the map; NaN without one and at first.
+
+    The force at the wheels is the log's drive force; else the specific force along the body, which
+    holds the slope, times mass, with drag and rolling resistance.
+    """
+    if vehicle.consumption is None:
+        return np.full(len(drive), np.nan)
+    from scipy.interpolate import RegularGridInterpolator
+
+    speeds, forces = (np.unique([row[k] for row in vehicle.consumption]) for k in range(2))
+    rates = np.array([rate for *_, rate in sorted(vehicle.consumption)])
+    table = RegularGridInterpolator((speeds, forces), rates.reshape(len(speeds), len(forces)))
+    speed = np.abs(np.nan_to_num(drive.speed))
+    drag = 0.5 * vehicle.air_density * vehicle.drag_area * speed**2
+    rolling = vehicle.rolling_resistance * vehicle.mass * G * (speed > 0)
+    force = drive.get("powertrain.drive_force")
+    force = np.where(
+        np.isfinite(force), force, vehicle.mass * drive["imu.accel_x"] + drag + rolling
+    )
+    points = np.clip(speed, *speeds[[0, -1]]), np.clip(np.nan_to_num(force), *forces[[0, -1]])
+    fuel = np.cumsum(table(np.stack(points, axis=1))) * drive.dt / HOUR
+    driven = np.cumsum(speed) * drive.dt
+    start = np.maximum(driven - distance, 0.0)
+    way = (driven - start) / 1000
+    before = np.interp(start, driven, fuel)
+    return np.where(way > LEAST_WAY, (fuel - before) / np.maximum(way, LEAST_WAY), np.nan)
 
 
 def surface_tilt(

@@ -15,7 +15,15 @@ from roadlog.drive import Drive
 from roadlog.estimators import run as run_estimator
 from roadlog.estimators.kim2023.strapdown import attitude, dead_reckon
 from roadlog.reproduce import Form, ResultTable, Row, over, over_seeds
-from roadlog.reproduce.kim2023.motions import ACCELERATIONS, MICRO_G, NOISE, PRINTED, SEEDS, WAIT
+from roadlog.reproduce.kim2023.motions import (
+    ACCELERATIONS,
+    MICRO_G,
+    NOISE,
+    PRINTED,
+    SEEDS,
+    WAIT,
+    said,
+)
 from roadlog.signals import ACCELERATION
 from roadlog.simulate import simulate
 from roadlog.types import Floats
@@ -26,11 +34,10 @@ RAMPS = (-15, -7, 0, 7, 15)  # percent
 LOADS = (0.0, 0.4, 0.8, 1.2)  # deg of pitch
 PAPER_RAMP = 0.2  # deg, at 15 percent
 FORMS: dict[Form, dict[str, Any]] = {"printed": PRINTED | {"chord_max": 0.1}, "mended": {}}
-SETTINGS = "printed: align=paper, integration=rectangle, gyro_bias=lowpass, chord_max=0.1 (its "
-SETTINGS += (
-    "limit is not in the paper; at the default it rejects these windows); mended: defaults, "
+SETTINGS = (
+    f"printed: {said(PRINTED)}, chord_max=0.1 (its limit is not in the paper; at the default "
 )
-SETTINGS += "and no imu_position in either"
+SETTINGS += "it rejects these windows); mended: defaults, and no imu_position in either"
 
 
 @dataclass(frozen=True)
