@@ -133,12 +133,6 @@ def of_urban(drives: urban.Runs, full: urban.Runs) -> list[Claim]:
     at_paper = [
         m <= p for m, p in zip(simple["static_slope"], urban.TABLE_2["static_slope"], strict=True)
     ]
-    times = {
-        name: float(
-            np.median(np.nan_to_num([f[name].converged for f in drives.values()], nan=np.inf))
-        )
-        for name in (urban.OURS, *urban.BASELINES)
-    }
     every = ("static_slope", urban.OURS, *urban.TRIED, *urban.BASELINES)
     scatter = max(
         float(np.std(urban.errors(drives, urban.OURS, load), ddof=1)) for load in urban.LOADS_DEG
@@ -166,16 +160,26 @@ def of_urban(drives: urban.Runs, full: urban.Runs) -> list[Claim]:
             "into a pitch of 0.02 deg: found by gravity at stops on different slopes and taken off "
             "(docs/methods/kim2023.md#bias-by-gravity)",
         ),
-        Claim(
-            "Fig 26: it converges within a few stops, the others over minutes",
-            bool(times[urban.OURS] < min(times[b] for b in urban.BASELINES)),
-            ", ".join(
-                f"{name} {f'after {t:.0f} s' if np.isfinite(t) else 'in most drives never'}"
-                for name, t in times.items()
-            )
-            + f" within {urban.CONVERGED} deg for good (median, mended)",
-        ),
+        _converges(drives),
     ]
+
+
+def _converges(drives: urban.Runs) -> Claim:
+    times = {
+        name: float(
+            np.median(np.nan_to_num([f[name].converged for f in drives.values()], nan=np.inf))
+        )
+        for name in (urban.OURS, *urban.BASELINES)
+    }
+    return Claim(
+        "Fig 26: it converges within a few stops, the others over minutes",
+        bool(times[urban.OURS] < min(times[b] for b in urban.BASELINES)),
+        ", ".join(
+            f"{name} {f'after {t:.0f} s' if np.isfinite(t) else 'in most drives never'}"
+            for name, t in times.items()
+        )
+        + f" within {urban.CONVERGED} deg for good (median, mended)",
+    )
 
 
 def _figure(value: float) -> str:
