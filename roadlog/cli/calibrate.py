@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from roadlog.cli import console, options
+from roadlog.cli import console, life, options
 
 if TYPE_CHECKING:
     from roadlog.calibrate import Calibration
@@ -44,7 +44,12 @@ def calibrate(
     with output(out, [*logs, vehicle], force=force):
         opened = [DriveLog(path) for path in dict.fromkeys(logs)]
         base = Vehicle.load(vehicle) if vehicle else opened[0].vehicle
-        found = find({str(log.path): log.drive() for log in opened}, base)
+        drives = {}
+        for k, log in enumerate(opened):
+            with life.working(f"reading {log.path.name}", k, len(opened)):
+                drives[str(log.path)] = log.drive()
+        with life.working(f"calibrating from {console.plural(len(opened), 'drive')}"):
+            found = find(drives, base)
         write(out, found.vehicle.to_toml())
     if as_json:
         console.print_json(_report(found, opened, out))

@@ -6,11 +6,12 @@ import json
 import logging
 import math
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import typer
+
+from roadlog.cli import life
 
 LOSS = 3  # exit code: finished, but something was lost
 PIPE_WIDTH = 140  # columns of a table that is not on a terminal
@@ -25,11 +26,13 @@ verbose = False
 
 def say(text: str) -> None:
     """A line of result."""
+    life.wipe()
     sys.stdout.write("\n".join(map(_plain, text.split("\n"))) + "\n")
 
 
 def complain(text: str) -> None:
     """A line of diagnostics."""
+    life.wipe()
     sys.stderr.write(f"roadlog: {_plain(text)}\n")
 
 
@@ -62,18 +65,6 @@ def next_step(command: str) -> None:
 def plural(count: int, name: str) -> str:
     """`1 estimate`, `2 estimates`."""
     return f"{count} {name}" if count == 1 else f"{count} {name}s"
-
-
-@contextmanager
-def working(step: str) -> Iterator[None]:
-    """Say on a terminal what is being done, while it is."""
-    if quiet or not sys.stderr.isatty():
-        yield
-        return
-    from rich.console import Console
-
-    with Console(stderr=True, highlight=False).status(_plain(step)):
-        yield
 
 
 class Said(logging.Handler):
@@ -129,6 +120,7 @@ def print_table(
         table.add_column(column, justify=side, no_wrap=not text, overflow="fold")
     for row in cells:
         table.add_row(*map(Text, row))
+    life.wipe()
     console.print(table)
 
 

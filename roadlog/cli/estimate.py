@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from roadlog.cli import console, options
+from roadlog.cli import console, life, options
 
 if TYPE_CHECKING:
     from roadlog.car.vehicle import Vehicle
@@ -203,7 +203,7 @@ def _estimate_log(path: Path, work: Work) -> tuple[dict[str, Any], list[str]]:
     def estimates() -> Iterator[Estimate]:
         for name in chosen:
             try:
-                with console.working(f"{name} ({chosen.index(name) + 1} of {len(chosen)})"):
+                with life.working(name, chosen.index(name), len(chosen)):
                     made = run_on(work.engine, name, drive, vehicle, settings.get(name), faults)
             except EstimatorError as error:  # one that refuses is not the end of the others
                 refused[name] = str(error).removeprefix(f"{name} cannot run: ")

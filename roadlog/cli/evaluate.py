@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from roadlog.cli import console, options
+from roadlog.cli import console, life, options
 
 if TYPE_CHECKING:
     from roadlog.details import DetailMetrics
@@ -51,11 +51,12 @@ def evaluate(
     stops: list[dict[str, StopMetrics]] = []
     further: list[Details] = []
     with output(csv, [*logs, profile], force=force):
-        for path in logs:
-            log = DriveLog(path, profile)
-            results.append((log, metrics.evaluate(log, skip, remove_offset)))
-            stops.append(metrics.stop_metrics(log, remove_offset))
-            further.append(details.detail_metrics(log, skip))
+        for k, path in enumerate(logs):
+            with life.working(f"comparing {path.name}", k, len(logs)):
+                log = DriveLog(path, profile)
+                results.append((log, metrics.evaluate(log, skip, remove_offset)))
+                stops.append(metrics.stop_metrics(log, remove_offset))
+                further.append(details.detail_metrics(log, skip))
         if csv is not None:
             _write_csv(csv, [(str(log.path), values) for log, values in results])
     for log, _ in results:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from roadlog.cli import console, options
+from roadlog.cli import console, life, options
 
 if TYPE_CHECKING:
     from roadlog.ingest import IngestResult
@@ -19,6 +19,13 @@ TimeOffset = Annotated[
     typer.Option(
         metavar="[FILE=]SECONDS",
         help="Add to a source's clock instead of an estimate; without FILE, to the second's.",
+    ),
+]
+Zone = Annotated[
+    str,
+    typer.Option(
+        metavar="ZONE",
+        help="Of sources whose stamps are in a local time: Europe/Berlin or +01:00.",
     ),
 ]
 
@@ -47,13 +54,7 @@ def ingest(
         ),
     ] = None,
     time_offset: TimeOffset = None,
-    timezone: Annotated[
-        str,
-        typer.Option(
-            metavar="ZONE",
-            help="Of sources whose stamps are in a local time: Europe/Berlin or +01:00.",
-        ),
-    ] = "",
+    timezone: Zone = "",
     clock: options.MessageClock = None,
     vehicle: Annotated[Path | None, typer.Option(help="Vehicle file to keep in the log.")] = None,
     force: options.Force = False,
@@ -75,7 +76,8 @@ def ingest(
     offsets = _offsets(time_offset or [], sources)
     with output(out, [*sources, profile, *map(_file, dbc or []), truth_from, vehicle], force=force):
         result = read(sources, profile, dbc or [], truth_from, offsets, timezone, clock or "")
-        create(out, result.tables, result.metadata, given)
+        with life.working(f"writing {out.name}"):
+            create(out, result.tables, result.metadata, given)
     _print(result, out)
     console.warn_losses(result.losses)
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import wraps
 from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from roadlog.cli import console
+from roadlog.cli import console, life
 
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Only results, warnings and errors.")]
 Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="Every note.")]
@@ -21,7 +22,8 @@ def leveled(command: Callable[..., None]) -> Callable[..., None]:
     @wraps(command)
     def with_level(*arguments: Any, quiet: bool, verbose: bool, **options: Any) -> None:
         console.quiet, console.verbose = quiet, verbose
-        command(*arguments, **options)
+        with nullcontext() if quiet else life.shown(command.__name__):
+            command(*arguments, **options)
 
     hints = get_type_hints(command, include_extras=True)  # names are looked up in its module
     kind = inspect.Parameter.KEYWORD_ONLY

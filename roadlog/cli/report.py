@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from roadlog import interrupt
-from roadlog.cli import console, options
+from roadlog.cli import console, life, options
 
 if TYPE_CHECKING:
     from roadlog.report.batch import Engine
@@ -211,6 +211,7 @@ class Progress:
         )
 
     def __enter__(self) -> Progress:
+        life.rest()  # the bar says more
         self._bar.start()
         return self
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from roadlog.cli import console, options
+from roadlog.cli import console, life, options
 
 if TYPE_CHECKING:
     from roadlog.reproduce import Claim, Reproduction, ResultTable
@@ -40,8 +40,9 @@ def reproduce(
     for name in names:
         framework.known(name)  # before the first run: a typing error must not cost minutes
     results = []
-    for name in names:
-        result = framework.reproduce(name, update)
+    for k, name in enumerate(names):
+        with life.working(f"driving and estimating as {name}", k, len(names)):
+            result = framework.reproduce(name, update)
         results.append(result)
         if not as_json:
             _print(result)

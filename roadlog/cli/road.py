@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from roadlog.cli import console
+from roadlog.cli import console, life
 
 if TYPE_CHECKING:
     from roadlog.roads.model import RoadModel
@@ -68,7 +68,8 @@ def road(
     passes, failed = _passes(drives, estimator)
     if not passes:
         raise LogReadError(f"no road: {console.plural(len(failed), 'log')} left out, as said above")
-    models = _parts(roads(passes, out.stem), first, last)
+    with life.working(f"merging {console.plural(len(passes), 'drive')}"):
+        models = _parts(roads(passes, out.stem), first, last)
     _put([m if step == STEP else m.refined(step) for m in models], passes, outputs, force)
     if failed:
         raise typer.Exit(console.LOSS)
@@ -152,14 +153,15 @@ def _passes(drives: list[str], estimator: str) -> tuple[list[Pass], list[str]]:
     from roadlog.report.sources import find
 
     passes, failed = [], []
-    for one in driven(find(drives), estimator):
-        for loss in one.losses:
-            console.complain(f"warning: {one.name}: {loss}")
-        if one.road is None:
-            console.complain(f"{one.name}: left out: {one.why}")
-            failed.append(one.name)
-        else:
-            passes.append(one.road)
+    with life.working("reading drives, estimating where needed"):
+        for one in driven(find(drives), estimator):
+            for loss in one.losses:
+                console.complain(f"warning: {one.name}: {loss}")
+            if one.road is None:
+                console.complain(f"{one.name}: left out: {one.why}")
+                failed.append(one.name)
+            else:
+                passes.append(one.road)
     return passes, failed
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from roadlog.cli import console, options
+from roadlog.cli import console, life, options
 
 
 def simulate(
@@ -52,16 +52,17 @@ def simulate(
             raise typer.BadParameter(f"'{text}' is not KEY=VALUE", param_hint="--set")
         overrides[key.strip()] = value.strip()
     with output(out, [scenario, vehicle, road], force=force):
-        simulation = simulator.simulate(
-            scenario,
-            seed=seed,
-            ideal=ideal,
-            full=full,
-            vehicle=Vehicle.load(vehicle) if vehicle else None,
-            load=load,
-            overrides=overrides,
-            road=read(road) if road else None,
-        )
+        with life.working(f"driving {scenario}"):
+            simulation = simulator.simulate(
+                scenario,
+                seed=seed,
+                ideal=ideal,
+                full=full,
+                vehicle=Vehicle.load(vehicle) if vehicle else None,
+                load=load,
+                overrides=overrides,
+                road=read(road) if road else None,
+            )
         create(out, simulation.tables, simulation.metadata, simulation.vehicle)
     messages = sum(len(table) for table in simulation.tables)
     duration = simulation.motion.time[-1]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from roadlog.cli import console, options
+from roadlog.cli import console, life, options
 
 if TYPE_CHECKING:
     from roadlog.roads.model import RoadModel
@@ -174,6 +174,8 @@ def _show(
         for picture in viewer.pictures(path, png, shown.cursor, force=force):
             console.say(str(picture))
     elif web:
+        life.rest()
         viewer.serve(path, lambda url: console.complain(f"open {url} (Ctrl-C ends)"))
     elif save is None:
+        life.rest()
         viewer.open_window(path)

@@ -1,0 +1,88 @@
+"""Every command that takes long says so on a terminal, at once, and leaves nothing of it behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from support.drives import PLAIN, ROOT
+
+pty = pytest.importorskip("pty", reason="no pseudo-terminals on this system")
+
+SOON = 0.5  # s from the start of the command to the first sign of life
+LOGS = ROOT / "sample_logs"
+PROFILE = LOGS / "small_logger.toml"
+COMMANDS = {
+    "calibrate": ["calibrate", LOGS / "pass.mcap", "-o", "car.toml"],
+    "estimate": ["estimate", LOGS / "pass.mcap", "-e", "fusion", "-o", "out.mcap"],
+    "ingest": ["ingest", LOGS / "small_logger.csv", "-o", "o.mcap", "--profile", PROFILE],
+    "evaluate": ["evaluate", LOGS / "pass.mcap"],
+    "simulate": ["simulate", "mountain", "-o", "m.mcap"],
+    "view": ["view", LOGS / "hill.mcap", "--save", "hill.rrd"],
+    "reproduce": ["reproduce", "luo2024"],
+    "report": ["report", LOGS, "-o", "report", "-e", "kmbe", "--jobs", "1"],
+    "road": ["road", LOGS / "pass.mcap", "-o", "pass.csv"],
+}
+
+
+def first_sign(command: list[object], folder: Path, needle: bytes) -> tuple[float, bytes, int]:
+    """s until `needle` is on the terminal, everything that was on it, the exit code.
+
+    The command is stopped by Ctrl-C as soon as it has shown life.
+    """
+    here, there = pty.openpty()
+    environment = {**os.environ, **PLAIN, "PYTHONPATH": str(ROOT)}
+    started = time.monotonic()
+    with subprocess.Popen(
+        [sys.executable, "-m", "roadlog", *map(str, command)],
+        stdin=there,
+        stdout=subprocess.DEVNULL,
+        stderr=there,
+        cwd=folder,
+        env=environment,
+        start_new_session=True,
+    ) as child:
+        os.close(there)
+        seen, at = b"", float("inf")
+        while True:
+            try:
+                part = os.read(here, 4096)
+            except OSError:  # the last one at the other end has gone
+                break
+            if not part:
+                break
+            seen += part
+            if at == float("inf") and needle in seen:
+                at = time.monotonic() - started
+                child.send_signal(signal.SIGINT)
+        code = child.wait()
+    os.close(here)
+    return at, seen, code
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_life_is_shown_at_once_and_ctrl_c_leaves_nothing(name: str, tmp_path: Path) -> None:
+    began = time.monotonic()
+    subprocess.run(  # what any start takes here and now
+        [sys.executable, "-m", "roadlog", "config"], capture_output=True, check=True
+    )
+    start = time.monotonic() - began
+    at, seen, code = first_sign(COMMANDS[name], tmp_path, b"0:0")
+    assert at < start + SOON, seen
+    assert code in (0, 130)
+    assert seen.rstrip().splitlines()[-1].split(b"\r")[-1].startswith(b"roadlog: ") or code == 0
+    assert [p.name for p in tmp_path.iterdir() if p.name.startswith(".") or ".tmp" in p.name] == []
+
+
+def test_nothing_moves_where_nobody_looks(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "roadlog", *map(str, COMMANDS["simulate"])]
+    environment = {**os.environ, **PLAIN, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        command, capture_output=True, text=True, cwd=tmp_path, env=environment, check=True
+    )
+    assert "\r" not in done.stderr
