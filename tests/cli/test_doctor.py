@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import json
 import os
+import tomllib
 from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.version import Version
+from support.drives import ROOT
 
 from roadlog import doctor
+from roadlog.doctor import NOT_FOR_USERS
 
 
 def test_a_healthy_installation(roadlog: Callable) -> None:
@@ -44,3 +49,16 @@ def test_a_cache_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.Monk
     cache = next(f for f in doctor.examine() if f.topic == "compiler")
     assert cache.ok is None
     assert "NUMBA_CACHE_DIR" in cache.found
+
+
+def test_the_oldest_set_is_the_lower_bounds() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    texts = [text for name, group in extras.items() if name not in NOT_FOR_USERS for text in group]
+    needed = {r.name.lower(): r for r in map(Requirement, [*project["dependencies"], *texts])}
+    lines = (ROOT / "constraints-oldest.txt").read_text().splitlines()
+    oldest = dict(line.split("==") for line in lines if not line.startswith("#"))
+    assert needed.keys() == oldest.keys()
+    for name, version in oldest.items():
+        bounds = [s.version for s in needed[name].specifier if s.operator == ">="]
+        assert [Version(bound) for bound in bounds] == [Version(version)], name
