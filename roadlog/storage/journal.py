@@ -13,6 +13,7 @@ import io
 import logging
 import os
 import struct
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -28,10 +29,10 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 MAGIC = b"roadlog undo 3\n"
-# place of change, old size, CRC of the old end, fingerprint, reach of what was written since
-_HEAD = struct.Struct("<QQI32sQ")
-HEAD_SIZE = len(MAGIC) + _HEAD.size
-_REACH = struct.Struct("<Q")
+# place of change, old size, CRC of the old end, fingerprint
+_HEAD = struct.Struct("<QQI32s")
+_REACH = struct.Struct("<QI")  # how far was written since, and the CRC of that
+HEAD_SIZE = len(MAGIC) + _HEAD.size + _REACH.size
 FINGERPRINT = 1 << 16  # bytes of the beginning, and before the place of change, that tell the log
 
 _said = logging.getLogger("roadlog")
@@ -85,14 +86,20 @@ class _Journal(NamedTuple):
         head = source.read(0, min(HEAD_SIZE, source.size))
         if not head.startswith(MAGIC) or len(head) < HEAD_SIZE:
             raise Damage("it is no journal")
-        cut, size, crc, fingerprint, reach = _HEAD.unpack_from(head, len(MAGIC))
+        cut, size, crc, fingerprint = _HEAD.unpack_from(head, len(MAGIC))
+        reach, _ = _REACH.unpack_from(head, HEAD_SIZE - _REACH.size)
         is_whole = size - cut == source.size - HEAD_SIZE
+        is_whole &= head.endswith(_reach(reach))
         if not is_whole or crc_of(source, HEAD_SIZE, source.size) != crc:
             raise Damage("it is not whole")
         is_log = log.size >= cut > len(records.MAGIC) and log.read(0, 8) == records.MAGIC
         if not is_log or _fingerprint(log, cut) != fingerprint:
             raise Damage("it belongs to another log")
         return cls(cut, size, max(size, reach), source)
+
+
+def _reach(end: int) -> bytes:
+    return _REACH.pack(end, zlib.crc32(end.to_bytes(8, "little")))
 
 
 def _fingerprint(source: Source, cut: int) -> bytes:
@@ -113,8 +120,8 @@ def changing(log: Path, source: Source, cut: int) -> Iterator[tuple[Before, IO[b
     try:
         with files.temporary(path.parent, 0o600) as part, _opened(log, source) as handle:
             crc = crc_of(source, cut, source.size)
-            head = _HEAD.pack(cut, source.size, crc, _fingerprint(source, cut), source.size)
-            part.file.write(MAGIC + head)
+            head = _HEAD.pack(cut, source.size, crc, _fingerprint(source, cut))
+            part.file.write(MAGIC + head + _reach(source.size))
             source.copy_to(part.file, cut, source.size)
             part.sync()
             part.become(path, None)
@@ -179,7 +186,7 @@ class _Guarded(io.RawIOBase):
         self.check()
         reach = self.at + memoryview(data).nbytes
         if self.journal is not None and reach > self.end:
-            os.pwrite(self.journal, _REACH.pack(reach), HEAD_SIZE - _REACH.size)
+            os.pwrite(self.journal, _reach(reach), HEAD_SIZE - _REACH.size)
         os.lseek(self.handle, self.at, os.SEEK_SET)
         count = os.write(self.handle, data)
         self.at += count
