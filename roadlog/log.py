@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +19,7 @@ from roadlog.errors import ConfigError, LogReadError, MissingSignalError, near
 from roadlog.estimate import Detail, Estimate
 from roadlog.files import changed
 from roadlog.location_fix import location_fix
-from roadlog.results import IN_PLACE, is_result
+from roadlog.results import IN_PLACE, is_made, is_result
 from roadlog.signals import (
     FIX_TOPIC,
     INPUTS,
@@ -67,7 +66,7 @@ class DriveLog:
 
     def _open(self, recover: bool = True) -> None:
         self._reader = LogReader(self.path, recover=recover)
-        self._fingerprint = self._reader.fingerprint(is_result)
+        self._fingerprint = self._reader.fingerprint(is_made)
         self.channels: tuple[Channel, ...] = self._reader.channels
         self.metadata = self._reader.metadata
         self.start_ns = self._reader.start_ns
@@ -158,8 +157,8 @@ class DriveLog:
 
     def holds_messages_of(self, other: DriveLog) -> bool:
         """Whether, results aside, it holds the same messages as another log."""
-        own = self._reader.fingerprint(is_result)
-        return own == other._reader.fingerprint(is_result)
+        own = self._reader.fingerprint(is_made)
+        return own == other._reader.fingerprint(is_made)
 
     @cached_property
     def _mapped(self) -> dict[str, Table]:
@@ -333,21 +332,19 @@ class DriveLog:
             is_mapped = truth is not None and results.is_truth(topic)
             return is_mapped or (parts is not None and parts[0] in names)
 
+        there: list[LogReader] = []  # another run may have added to it
         replaced = {*records, *(f"estimate/{name}" for name in names)}
         with exclusive(self.path):
             update_log(
                 self.path,
-                chain(
-                    results.truth_tables(self._reader, truth, as_ros2=as_ros2),
-                    results.tables(estimates, records, faults, as_ros2=as_ros2),
-                ),
+                results.tables(there, truth, estimates, records, faults, as_ros2=as_ros2),
                 records,
                 drop=is_replaced,
                 drop_metadata=replaced.__contains__,
                 out=out,
                 in_place=in_place,
                 encoding="cdr" if as_ros2 else "protobuf",
-                check=self._check_same,
+                check=lambda now: there.append(self._checked(now)),
             )
         if out is None:
             self._open()  # the file is another one now
@@ -365,13 +362,13 @@ class DriveLog:
             records["profile"] = origin | {"use": IN_PLACE} | ({"clock": clock} if clock else {})
         return records
 
-    def _check_same(self, now: LogReader) -> None:
-        """Raise LogWriteError unless a log is the one that was read, maybe with other results."""
-        if now.source.state == self._reader.source.state:
-            return
-        is_whole = not now.contents.losses
-        if not is_whole or now.fingerprint(is_result) != self._fingerprint:
-            raise changed(self.path)
+    def _checked(self, now: LogReader) -> LogReader:
+        """The log if it is the one that was read, maybe with other results, or LogWriteError."""
+        if now.source.state != self._reader.source.state:
+            is_whole = not now.contents.losses
+            if not is_whole or now.fingerprint(is_made) != self._fingerprint:
+                raise changed(self.path)
+        return now
 
 
 def create(
