@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from roadlog import checks
 from roadlog.checks import Finding
+from roadlog.checks.delays import delays
 from roadlog.drive import Drive, stale_limit, without_strays
 from roadlog.errors import ConfigError, LogReadError
 from roadlog.for_viewers import is_for_viewers
@@ -16,6 +18,9 @@ from roadlog.log import DriveLog
 from roadlog.signals import SECTIONS, SIGNALS, split_estimate_topic
 from roadlog.stamps import main_span
 from roadlog.storage import Channel, Table
+
+if TYPE_CHECKING:
+    from roadlog.ingest.profile import Profile
 
 SECTION_OF = {section.topic: name for name, section in SECTIONS.items()}
 
@@ -94,6 +99,8 @@ def summarize(log: DriveLog) -> LogSummary:
         for topic, said in strays.items()
     ]
     found += [Finding("clocks", "note", (), note) for note in log.notes]
+    profile = _profile(log.metadata.get("profile", {}))
+    found += delays({entry.role: entry.delay for entry in profile or ()})
     try:
         found += checks.check(_own(tables, log), log.vehicle)
         drive = Drive.from_tables(tables.values())
@@ -120,15 +127,22 @@ def _own(tables: Mapping[str, Table], log: DriveLog) -> dict[str, Table]:
     return {t: x for t, x in tables.items() if not is_mapped or t in SECTION_OF}
 
 
-def corrections(record: Mapping[str, str]) -> list[str]:
-    """Sentences on what the profile that made a log puts right."""
+def _profile(record: Mapping[str, str]) -> Profile | None:
+    """The profile that made a log; None where none did or it is of another version."""
     if not record:
-        return []
+        return None
     from roadlog.ingest.profile import Profile
 
     try:
-        profile = Profile.from_toml(record["toml"], record.get("name", ""))
+        return Profile.from_toml(record["toml"], record.get("name", ""))
     except (KeyError, ConfigError):
+        return None
+
+
+def corrections(record: Mapping[str, str]) -> list[str]:
+    """Sentences on what the profile that made a log puts right."""
+    profile = _profile(record)
+    if profile is None:
         return []
     found = []
     for name, mount in profile.mounts.items():

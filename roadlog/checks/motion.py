@@ -125,7 +125,7 @@ def latency(exam: Examination) -> None:
                 (*roles, "imu.accel"),
                 f"lie {lag.lag:+.2f} s apart (correlation {abs(lag.r):.2f})",
                 "two devices with clocks of their own: merge them with `roadlog ingest A B`, which "
-                f'finds the offset, or give the speed delay = "{lag.lag:.2f} s"',
+                f"finds the offset, or add {lag.lag:.2f} s to the speed's delay in the profile",
                 lag.lag,
             )
         elif abs(lag.lag) > LATENCY and not abs(lag.lag) <= 2 * lag.sd:

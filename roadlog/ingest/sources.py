@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from roadlog.checks.delays import delays
+from roadlog.checks.finding import Finding
 from roadlog.checks.impossible import beyond
 from roadlog.errors import ConfigError, LogReadError, near
 from roadlog.ingest import clocks, mapping, typed
@@ -127,8 +129,10 @@ def ingest(
     metadata = {"profile": profile_record, "source": {"files": files}}
     words = [] if given else [f"{s.path.name}: profile {s.profile.name}" for s in opened]
     notes = [f"{text}, found by itself" for text in words]
-    notes += [note for recording in recordings for note in recording.notes] + said + moved
-    notes += doubts + [f"check: {finding}" for finding in beyond({t.topic: t for t in tables})[0]]
+    notes += [note for recording in recordings for note in recording.notes] + said + moved + doubts
+    unusable = [f"{m.role}: no sample of {m.source} is usable" for m in mapped if not m.samples]
+    (losses if given and not given.family else notes).extend(unusable)
+    notes += [f"check: {finding}" for finding in _findings(profiles, tables)]
     notes += [f"not a source: {', '.join(ignored)}"] if ignored else []
     return IngestResult(tables, metadata, mapped, over, lacking, notes, gaps(tables), losses)
 
@@ -138,6 +142,12 @@ def _on_clock(sources: Sequence[Source], clock: str) -> list[Source]:
         where = sources[0].path.name if sources else "nothing"
         raise ConfigError(f"{where}: only messages of a bag or MCAP have a clock to choose")
     return [source.on_clock(clock) for source in sources]
+
+
+def _findings(profiles: Sequence[Profile], tables: Sequence[Table]) -> list[Finding]:
+    """What cannot be, in the profiles and in the tables."""
+    found = delays({entry.role: entry.delay for profile in profiles for entry in profile})
+    return found + beyond({table.topic: table for table in tables})[0]
 
 
 def expanded(

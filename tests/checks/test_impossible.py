@@ -145,3 +145,16 @@ def test_a_clock_that_was_set_forward_is_told_from_a_pause(places):
     speed = np.where(np.arange(COUNT) < half, SPEED, SPEED + 3)
     paused["/speed"] = replace(paused["/speed"], columns={**paused["/speed"].columns, "v": speed})
     assert not said(paused)
+
+
+@pytest.mark.parametrize(("delay", "doubt", "left"), [("5 s", True, True), ("90 s", True, False)])
+def test_a_delay_that_no_sensor_has_and_what_it_leaves_is_said(tmp_path, delay, doubt, left):
+    path = tmp_path / "drive.csv"
+    rows = "".join(f"{t:.2f},{v:.2f},9.8\n" for t, v in zip(T[:600], SPEED, strict=False))
+    path.write_text("time_s,v,az\n" + rows)
+    text = f'[speed]\nv = {{ from = "v", unit = "m/s", delay = "{delay}" }}\n'
+    text += '[imu]\naccel_z = { from = "az", unit = "m/s^2" }\n'
+    result = ingest([path], Profile.from_toml(text, "new"))
+    said = f"check: speed.v: is moved by a delay of {delay}"
+    assert any(note.startswith(said) for note in result.notes) is doubt
+    assert (result.losses == ["speed.v: no sample of v is usable"]) is not left
