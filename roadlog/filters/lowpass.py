@@ -85,6 +85,8 @@ def gaussian_mean(values: Floats, width: float, truncate: float = 4.0) -> tuple[
     """Mean of what is known around each sample, and the share of the window that is; `width`: sd in
     samples, `truncate`: half a window in sds. What is unknown counts as absent."""
     known = np.isfinite(values)
+    if not len(values):  # np.convolve takes none
+        return np.empty(0), np.empty(0)
     reach = int(truncate * width + 0.5)
     window = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width) ** 2)
     window /= window.sum()
