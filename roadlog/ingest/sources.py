@@ -121,12 +121,7 @@ def ingest(
         tables = [t for t in tables if t.topic != made.topic] + [made]
     losses = [loss for recording in recordings for loss in recording.losses]
     losses += [loss for recording in recordings for loss in _backward(recording)]
-    profile_record = {
-        "name": ", ".join(p.name for p in profiles),
-        "toml": "\n".join(p.text for p in profiles),
-    } | ({"clock": clock} if clock else {})
-    files = json.dumps(_digests(paths), sort_keys=True)
-    metadata = {"profile": profile_record, "source": {"files": files}}
+    metadata = _records(profiles, clock, paths)
     words = [] if given else [f"{s.path.name}: profile {s.profile.name}" for s in opened]
     notes = [f"{text}, found by itself" for text in words]
     notes += [note for recording in recordings for note in recording.notes] + said + moved + doubts
@@ -142,6 +137,17 @@ def _on_clock(sources: Sequence[Source], clock: str) -> list[Source]:
         where = sources[0].path.name if sources else "nothing"
         raise ConfigError(f"{where}: only messages of a bag or MCAP have a clock to choose")
     return [source.on_clock(clock) for source in sources]
+
+
+def _records(
+    profiles: Sequence[Profile], clock: str, paths: Sequence[Path]
+) -> dict[str, dict[str, str]]:
+    """What a log keeps of where it came from."""
+    profile = {
+        "name": ", ".join(p.name for p in profiles),
+        "toml": "\n".join(p.text for p in profiles),
+    } | ({"clock": clock} if clock else {})
+    return {"profile": profile, "source": {"files": json.dumps(_digests(paths), sort_keys=True)}}
 
 
 def _findings(profiles: Sequence[Profile], tables: Sequence[Table]) -> list[Finding]:

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.camera_formats import DRIVE, gopro, gopro_json, gopro_turned
+from support.camera_formats import (
+    DRIVE,
+    gopro,
+    gopro_json,
+    gopro_tables,
+    gopro_tables_older,
+    gopro_turned,
+)
 from support.phone_drive import EPOCH
 
 from roadlog import estimators
@@ -13,8 +20,10 @@ from roadlog.drive import Drive
 from roadlog.errors import LogReadError
 from roadlog.ingest import ingest
 
+WRITERS = [gopro, gopro_turned, gopro_json, gopro_tables, gopro_tables_older]
 
-@pytest.mark.parametrize("writer", [gopro, gopro_turned, gopro_json])
+
+@pytest.mark.parametrize("writer", WRITERS)
 def test_a_camera_gives_what_was_driven(tmp_path, writer):
     result = ingest([writer(tmp_path)])
     tables = {table.topic: table for table in result.tables}

@@ -104,3 +104,45 @@ def gopro_json(folder: Path) -> Path:
     path = folder / "GX010001.json"
     path.write_text(json.dumps({"1": {"streams": streams, "device name": "Hero"}}))
     return path
+
+
+def gopro_tables(folder: Path, older: bool = False) -> Path:
+    """A folder of what gopro-telemetry calls its CSV preset; the first fixes have none."""
+    folder = folder / "GX010001"
+    folder.mkdir()
+    t, f = np.arange(0, DRIVE.duration, 0.01), np.arange(0, DRIVE.duration, 0.1)
+    force, rate = DRIVE.phone(t)
+    fix = DRIVE.fixes(f)
+    parts = ("up/down", "right/left", "forward/back") if older else tuple("zxy")
+
+    def write(key: str, names: list[str], times: np.ndarray, values: np.ndarray, more: str) -> None:
+        rows = [
+            f"{1000 * x:.6f},{(START + timedelta(seconds=x)).isoformat(timespec='milliseconds')},"
+            + ",".join(f"{value:.9g}" for value in row)
+            for x, row in zip(times.tolist(), values.tolist(), strict=True)
+        ]
+        rows = [row.replace("+00:00", "Z") for row in rows]
+        text = f"cts,date,{','.join(names)}{more}\n" + "\n".join(rows)
+        (folder / f"HERO8 Black-{key}.csv").write_text(text)
+
+    accel = [f"Accelerometer ({part}) [m/s2]" for part in parts]
+    gyro = [f"Gyroscope ({part}) [rad/s]" for part in parts]
+    write("ACCL", accel, t, np.column_stack([force[:, [2, 0, 1]], 0 * t + 40]), ",temperature [°C]")
+    write("GYRO", gyro, t, rate[:, [2, 0, 1]], "")
+    place = np.column_stack(
+        [fix[n] for n in ("latitude", "longitude", "altitude", "speed", "speed")]
+    )
+    state = np.where(f < 3, 0, 3)
+    place[f < 3] = 0
+    names = [f"GPS ({p}) [deg]" for p in ("Lat.", "Long.")] + ["GPS (Alt.) [m]"]
+    if older:
+        names += ["GPS (2D speed) [m/s]", "GPS (3D speed) [m/s]"]
+        write("GPS5", names, f, np.column_stack([place, state]), ",fix")
+    else:
+        names += ["GPS (2D) [m/s]", "GPS (3D) [m/s]", "GPS (days) [deg]", "GPS (fix) [deg]"]
+        write("GPS9", names, f, np.column_stack([place, 0 * f, state]), "")
+    return folder
+
+
+def gopro_tables_older(folder: Path) -> Path:
+    return gopro_tables(folder, older=True)

@@ -1,4 +1,4 @@
-"""GoPro: the telemetry (GPMF) inside the video itself, and as gopro-telemetry exports it to JSON.
+"""GoPro: the telemetry (GPMF) in the video itself, or as gopro-telemetry exports it (JSON, CSV).
 
 By the description of GPMF (github.com/gopro/gpmf-parser): big-endian key, type, size, count. ACCL
 in m/s2 (specific force) and GYRO in rad/s at about 200 Hz, SCAL divides; ORIN says which channel is
@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 
 from roadlog.errors import LogReadError
-from roadlog.ingest.formats import mp4
+from roadlog.ingest.formats import gopro_table, mp4
 from roadlog.ingest.formats.base import Format
+from roadlog.ingest.formats.magic import begins
 from roadlog.ingest.formats.parsers import guarded
 from roadlog.ingest.formats.pocket import frame, nanoseconds
 from roadlog.ingest.frame import Recording
@@ -46,7 +47,9 @@ DAY_2000 = datetime(2000, 1, 1, tzinfo=UTC).timestamp()
 
 
 def recognizes(path: Path) -> bool:
-    """Whether it is a video with a telemetry track, or the JSON made of one."""
+    """Whether it is a video with a telemetry track, or the JSON or the tables made of one."""
+    if path.is_dir() or path.suffix.lower() == ".csv":
+        return bool(gopro_table.files(path))
     if not path.is_file():
         return False
     with path.open("rb") as file:
@@ -61,9 +64,10 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     del profile, dbc
     with guarded(path, "GoPro telemetry"):
         found = _Telemetry()
-        with path.open("rb") as file:
-            is_video = file.read(8)[4:] == b"ftyp"
-        if is_video:
+        if path.is_dir() or path.suffix.lower() == ".csv":
+            for stream in gopro_table.streams(path):
+                found.tabled(stream)
+        elif begins(path, b"ftyp", at=4):
             for start, duration, block in mp4.samples(path, TRACK):
                 found.take(start, duration, block)
         else:
@@ -133,6 +137,15 @@ class _Telemetry:
                     self._add(name, time, _axes(values, ORIENTATION))
                 if (date := samples[0].get("date")) is not None:
                     self.epochs.append(datetime.fromisoformat(date).timestamp() - float(time[0]))
+
+    def tabled(self, stream: gopro_table.Stream) -> None:
+        """One table of an export."""
+        if stream.key == "GPS":
+            self._add("location", stream.time, stream.values)
+        else:
+            name = "accelerometer" if stream.key == "ACCL" else "gyroscope"
+            self._add(name, stream.time, _axes(stream.values, stream.letters))
+        self.epochs += [] if stream.epoch is None else [stream.epoch]
 
     def _add(self, name: str, time: Floats, values: Floats) -> None:
         self.rows.setdefault(name, []).append(np.column_stack([time, values]))
