@@ -41,7 +41,7 @@ def test_every_receiver_gives_what_was_driven(tmp_path, name):
     if np.isfinite(gnss.columns["course"]).any():
         apart = gnss.columns["course"] - np.radians(90 - true["course"])
         assert np.abs(np.angle(np.exp(1j * apart)))[DRIVE.speed(t) > 1].max() < 1e-3
-    if name.startswith(("ubx", "sbf")):
+    if name.startswith(("ubx", "sbf")) and name != "ubx_of_high_rate":
         assert np.abs(gnss.columns["climb"] - true["climb"]).max() < 2e-3
         assert gnss.columns["vertical_accuracy"] == pytest.approx(2.0)
     truth = from_gnss(result.tables)
@@ -80,3 +80,28 @@ def test_wheel_ticks_keep_their_direction(tmp_path):
         np.mean(DRIVE.speed(t[(t > 60) & (t < 110)])), rel=0.02
     )
     assert (speed[t > 115.1] <= 0).all()
+
+
+def test_rates_of_a_u_blox_that_fuses_are_taken_where_it_measures_none(tmp_path):
+    result = ingest([RECEIVERS["ubx_of_fused_rates"](tmp_path)])
+    imu = table(result, "/imu")
+    _, rate = DRIVE.imu(imu.time * 1e-9 - EPOCH)
+    for k, axis in enumerate("xyz"):
+        assert np.abs(imu.columns[f"gyro_{axis}"] - rate[:, k]).max() < 1e-4
+        assert np.isnan(imu.columns[f"accel_{axis}"]).all()  # without gravity there
+
+
+def test_the_faster_fixes_of_a_u_blox_count(tmp_path):
+    gnss = table(ingest([RECEIVERS["ubx_of_high_rate"](tmp_path)]), "/gnss")
+    assert np.median(np.diff(gnss.time)) == pytest.approx(1e8, abs=1e6)
+    assert gnss.columns["speed_accuracy"] == pytest.approx(0.1)
+
+
+def test_two_antennas_of_a_septentrio_give_heading_and_inclination(tmp_path):
+    result = ingest([RECEIVERS["sbf_of_two_antennas"](tmp_path)])
+    gnss, truth = table(result, "/gnss"), table(result, "/truth/angles")
+    np.testing.assert_allclose(gnss.columns["heading"], gnss.columns["course"], atol=1e-3)
+    np.testing.assert_allclose(gnss.columns["speed_accuracy"], np.sqrt(0.02), atol=1e-6)
+    grade = DRIVE.grade(truth.time * 1e-9 - EPOCH)
+    np.testing.assert_allclose(truth.columns["inclination"], grade, atol=1e-6)
+    assert np.isnan(truth.columns["roll_total"]).all()

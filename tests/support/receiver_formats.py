@@ -193,22 +193,82 @@ def ubx(folder: Path, own_clock: int = 0) -> Path:
     return path
 
 
+def _ins(x: float) -> bytes:
+    """ESF-INS: rates in 1e-3 deg/s valid, accelerations without gravity."""
+    _, rate = DRIVE.imu(np.array([x]))
+    turns = np.round(np.degrees(rate[0]) * 1000).astype(int).tolist()
+    head = struct.pack("<III", 1 | 0b111 << 8 | 0b111 << 11, 0, _week_ms(x))
+    return _ubx(0x10, 0x15, head + struct.pack("<iiiiii", *turns, 5, 5, 5))
+
+
+def ubx_of_fused_rates(folder: Path) -> Path:
+    """Fixes at 1 Hz, no measurements of sensors but the rates of ESF-INS at 10 Hz."""
+    fixes = rows()
+    blocks = []
+    for k, x in enumerate(np.arange(0, DRIVE.duration, 0.1).tolist()):
+        blocks += [_pvt(fixes[k // 10])] if k % 10 == 0 else []
+        blocks.append(_ins(x))
+    path = folder / "fused.ubx"
+    path.write_bytes(b"".join(blocks))
+    return path
+
+
+def ubx_of_high_rate(folder: Path) -> Path:
+    """HNR-PVT at 10 Hz between fixes at 1 Hz, with sentences of NMEA between them."""
+    blocks = []
+    for k, r in enumerate(rows(10)):
+        blocks += [_pvt(r), b"$GNTXT,01,01,02,u-blox*50\r\n"] if k % 10 == 0 else []
+        moment = START + timedelta(seconds=r["t"])
+        head = struct.pack(
+            "<IHBBBBBBiBBH",
+            _week_ms(r["t"]),
+            moment.year,
+            moment.month,
+            moment.day,
+            moment.hour,
+            moment.minute,
+            moment.second,
+            7,
+            moment.microsecond * 1000,
+            3,
+            0b11111,
+            0,
+        )
+        height = round(1000 * r["altitude"])
+        place = (round(1e7 * r["longitude"]), round(1e7 * r["latitude"]))
+        body = struct.pack("<iiii", *place, height + round(1000 * UNDULATION), height)
+        speed = round(1000 * r["speed"])
+        course = round(1e5 * r["course"])
+        body += struct.pack("<iiiiIIII", speed, speed, course, course, 1200, 2000, 100, 50_000)
+        blocks.append(_ubx(0x28, 0x00, head + body + bytes(4)))
+    path = folder / "fast.ubx"
+    path.write_bytes(b"".join(blocks))
+    return path
+
+
 def ubx_with_a_clock_of_its_own(folder: Path) -> Path:
     return ubx(folder, 12_345_678)
 
 
-def sbf(folder: Path) -> Path:
+def sbf(folder: Path, more: bool = False) -> Path:
+    """more: attitude of two antennas, whose roll is not known, and covariances of the velocity."""
     from pysbf2 import SBFMessage
 
     blocks = []
     for r in rows(2):
         gps = EPOCH + GPS_UTC - GPS_EPOCH + r["t"]
+        stamp = {"TOW": round(1000 * (gps % WEEK)), "WNc": int(gps // WEEK)}
+        if more:
+            lean = float(np.degrees(DRIVE.grade(np.array([r["t"]]))[0]))
+            angles = {"Heading": r["course"], "Pitch": lean, "Roll": -2e10}
+            blocks.append(SBFMessage("AttEuler", **stamp, **angles).serialize())
+            spread = {"Cov_VnVn": 0.01, "Cov_VeVe": 0.03, "Cov_VuVu": 0.09}
+            blocks.append(SBFMessage("VelCovGeodetic", **stamp, **spread).serialize())
         course = np.radians(r["course"])
         blocks.append(
             SBFMessage(
                 "PVTGeodetic",
-                TOW=round(1000 * (gps % WEEK)),
-                WNc=int(gps // WEEK),
+                **stamp,
                 Type=1,
                 Latitude=np.radians(r["latitude"]),
                 Longitude=np.radians(r["longitude"]),
@@ -227,6 +287,10 @@ def sbf(folder: Path) -> Path:
     return path
 
 
+def sbf_of_two_antennas(folder: Path) -> Path:
+    return sbf(folder, more=True)
+
+
 RECEIVERS: dict[str, Callable[[Path], Path]] = {
     writer.__name__: writer
     for writer in (
@@ -238,6 +302,9 @@ RECEIVERS: dict[str, Callable[[Path], Path]] = {
         nmea_over_midnight,
         ubx,
         ubx_with_a_clock_of_its_own,
+        ubx_of_fused_rates,
+        ubx_of_high_rate,
         sbf,
+        sbf_of_two_antennas,
     )
 }

@@ -52,7 +52,7 @@ def streams(path: Path) -> Iterator[Stream]:
         key = NAMES[next(iter(headings.values()))[0]]
         (frame,) = csv.read(file, Everything("everything", "", Clock("cts", "ms"))).frames
         columns = frame.columns
-        time = frame.time * 1e-9
+        time = np.asarray(frame.time, np.float64) * 1e-9
         date = columns.get("date")
         moment = None if date is None or date.dtype.kind != "O" else times.of_text(str(date[0]))
         epoch = None if moment is None else moment * 1e-9 - float(time[0])

@@ -3,7 +3,8 @@
 - `accelerometer`: x, y, z in m/s2, specific force in the device's axes (at rest +9.81 upward)
 - `gyroscope`: x, y, z in rad/s, right-handed
 - `location`: latitude, longitude in deg; altitude in m; speed, climb in m/s; course in deg, clock-
-  wise from north; their `_accuracy` in the same units
+  wise from north; heading of two antennas as course; their `_accuracy` in the same units
+- `attitude`: inclination nose up, roll_total right side down, in deg: the device's own estimate
 - `obd`: speed in m/s, as the car's bus has it
 - `barometer`: altitude in m, relative
 
@@ -29,10 +30,13 @@ UNITS = {
     "location.speed": "m/s",
     "location.climb": "m/s",
     "location.course": "deg",
+    "location.heading": "deg",
     "location.horizontal_accuracy": "m",
     "location.vertical_accuracy": "m",
     "location.speed_accuracy": "m/s",
     "location.course_accuracy": "deg",
+    "attitude.inclination": "deg",
+    "attitude.roll_total": "deg",
     "obd.speed": "m/s",
     "barometer.altitude": "m",
 }
