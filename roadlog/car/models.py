@@ -9,12 +9,19 @@ from a Honda Civic's by mass and axle load, as opendbc does. Everything else kee
 from __future__ import annotations
 
 import csv
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cache
 from importlib.resources import files
 
 from roadlog.car.vehicle import Vehicle
-from roadlog.errors import ConfigError, near
+from roadlog.errors import ConfigError
+
+SHOWN = 8  # models in a message
+NEAR = 0.7  # likeness of words, of difflib
+_YEARS = re.compile(r"\s+\d{4}(?:-\d{2})?$")
 
 LOAD = 136.0  # kg, people and luggage
 CIVIC_MASS, CIVIC_SHARE = 1326.0 + LOAD, 0.4
@@ -85,13 +92,31 @@ def search(words: str = "") -> list[Model]:
 
 
 def find(name: str) -> Model:
-    """The one of that name, or the only one that has its words. Raises ConfigError."""
-    exact = [m for m in models() if m.name.lower() == name.lower()]
+    """The one of that name, with or without its years, or the only one that has its words.
+
+    Raises ConfigError with the nearest names.
+    """
+    wanted = " ".join(name.lower().split())
+    exact = [m for m in models() if wanted in (m.name.lower(), _YEARS.sub("", m.name.lower()))]
     found = exact or search(name)
     if len(found) == 1:
         return found[0]
     if found:
-        names = ", ".join(m.name for m in found[:8])
-        more = f" and {len(found) - 8} more" if len(found) > 8 else ""
-        raise ConfigError(f"'{name}' is several models: {names}{more}; give one of these")
-    raise ConfigError(f"no model '{name}'. {near(name, [m.name for m in models()])}")
+        raise ConfigError(f"'{name}' is several models: {_some(found)}; give one of these")
+    close = _near(wanted)
+    said = f"Close: {_some(close)}. " if close else ""
+    raise ConfigError(f"no model '{name}'. {said}`roadlog vehicle list WORDS` shows what there is")
+
+
+def _some(found: Sequence[Model]) -> str:
+    names = ", ".join(m.name for m in found[:SHOWN])
+    return names + (f" and {len(found) - SHOWN} more" if len(found) > SHOWN else "")
+
+
+def _near(name: str) -> list[Model]:
+    """The models that have most of some words, these spelled nearly so."""
+    vocabulary = {word for m in models() for word in m.name.lower().split()}
+    meant = {w for word in name.split() for w in get_close_matches(word, vocabulary, 3, NEAR)}
+    shared = {m.name: len(meant.intersection(m.name.lower().split())) for m in models()}
+    most = max(shared.values())
+    return [m for m in models() if most and shared[m.name] == most]

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from roadlog import estimators
 from roadlog.car.models import find, models, search
 from roadlog.car.vehicle import Vehicle
 from roadlog.cli import app
+from roadlog.drive import Drive
 from roadlog.errors import ConfigError
+from roadlog.simulate import simulate
 
 
 def test_the_table_holds_some_300_cars_with_their_source():
@@ -45,7 +49,18 @@ def test_names_are_found_by_words_and_near_ones_offered():
     assert search("COROLLA toyota")
     with pytest.raises(ConfigError, match="is several models"):
         find("toyota")
-    with pytest.raises(ConfigError, match="no model 'Toyta Corola'"):
+    with pytest.raises(ConfigError, match=r"no model 'Toyta Corola'\. Close: Toyota Corolla 2017"):
         find("Toyta Corola")
+    with pytest.raises(ConfigError, match=r"no model 'nosuch'\. `roadlog vehicle list"):
+        find("nosuch")
+    assert find("toyota corolla hybrid").name == "Toyota Corolla Hybrid 2020-22"
     listed = CliRunner().invoke(app, ["vehicle", "list", "prius"])
     assert "opendbc 0.3.1" in listed.stdout
+
+
+def test_the_estimators_of_the_longitudinal_force_run_on_a_car_of_the_table():
+    drive = Drive.from_tables(simulate("luo2024-s2", seed=1).tables)
+    car = find("toyota corolla hybrid").vehicle()
+    for name in ("kmbe", "debe", "tfobe"):
+        grade = estimators.run(name, drive, car).angles["grade"]
+        assert np.isfinite(grade).mean() > 0.9
