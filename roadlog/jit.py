@@ -11,6 +11,7 @@ for its needs (`roadlog info`) does not wait for it.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from functools import cache, cached_property, update_wrapper
 from typing import Any, Protocol
@@ -41,8 +42,10 @@ class Kernel:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """What numba makes of it."""
-        return loaded().njit(**self.options)(self.py_func)
+        """What numba makes of it; the same in every thread."""
+        with _lock:
+            made = vars(self).get("dispatcher")
+            return made or loaded().njit(**self.options)(self.py_func)
 
     @property
     def _numba_type_(self) -> Any:  # asked for where another kernel calls this one
@@ -71,7 +74,15 @@ def overload(stand_in: Callable) -> Callable[[Callable], Callable]:
     return register
 
 
-watches: list[Watch] = []  # the last one is told
+class Watching(threading.local):
+    """Who watches what this thread compiles; the last one is told."""
+
+    def __init__(self) -> None:
+        self.watches: list[Watch] = []
+
+
+watching = Watching()
+_lock = threading.RLock()
 _overloads: list[tuple[Callable, Callable]] = []
 
 
@@ -84,11 +95,11 @@ def loaded() -> Any:
 
     class Teller(event.Listener):  # type: ignore[misc]
         def on_start(self, _: Any) -> None:
-            for watch in watches[-1:]:
+            for watch in watching.watches[-1:]:
                 watch.begin()
 
         def on_end(self, _: Any) -> None:
-            for watch in watches[-1:]:
+            for watch in watching.watches[-1:]:
                 watch.end()
 
     for stand_in, template in _overloads:

@@ -62,7 +62,7 @@ class Work:
     """What is done to every log.
 
     names: the estimators, or None for all that can run. vehicle: instead of the log's own.
-    settings: of parameters, by estimator. rate: Hz of the common clock.
+    settings: of parameters, by estimator. rate: Hz of the common clock. jobs: estimators at once.
     """
 
     names: list[str] | None
@@ -73,6 +73,7 @@ class Work:
     engine: EngineChoice
     rate: float
     checks: bool
+    jobs: int
     target: Target
 
 
@@ -126,6 +127,9 @@ def estimate(
     checks: Annotated[
         bool, typer.Option(" /--no-checks", help="Do not look for faults of the log first.")
     ] = True,
+    jobs: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Estimators at once; the result is the same.")
+    ] = 1,
     as_json: options.AsJson = False,
     force: options.Force = False,
 ) -> None:
@@ -146,7 +150,7 @@ def estimate(
     given = Vehicle.load(vehicle) if vehicle else None
     target = Target(out, in_place, in_place_anyway, form == "ros2")
     choice = cast("EngineChoice", engine)
-    work = Work(names, profile, clock or "", given, parsed, choice, rate, checks, target)
+    work = Work(names, profile, clock or "", given, parsed, choice, rate, checks, jobs, target)
     with output(out, [*logs, vehicle, profile], force=force):
         _estimate_all(logs, work, as_json)
 
@@ -187,7 +191,7 @@ def _estimate_log(path: Path, work: Work) -> tuple[dict[str, Any], list[str]]:
     """One log's report, and what was lost on the way."""
     from roadlog import estimators
     from roadlog.errors import EstimatorError
-    from roadlog.estimators.engines import run_on
+    from roadlog.estimators.engines import run_on, side_by_side
     from roadlog.log import DriveLog
 
     log, target = work.target.of(DriveLog(path, work.profile, clock=work.clock))
@@ -200,11 +204,14 @@ def _estimate_log(path: Path, work: Work) -> tuple[dict[str, Any], list[str]]:
     settings = {estimators.get(name).name: values for name, values in work.settings.items()}
     summaries = {}
 
+    def one(name: str) -> Estimate:
+        return run_on(work.engine, name, drive, vehicle, settings.get(name), faults)
+
     def estimates() -> Iterator[Estimate]:
-        for name in chosen:
+        for name, wait in zip(chosen, side_by_side(one, chosen, work.jobs), strict=True):
             try:
                 with life.working(name, chosen.index(name), len(chosen)):
-                    made = run_on(work.engine, name, drive, vehicle, settings.get(name), faults)
+                    made = wait()
             except EstimatorError as error:  # one that refuses is not the end of the others
                 refused[name] = str(error).removeprefix(f"{name} cannot run: ")
                 continue

@@ -1,13 +1,16 @@
-"""Both engines on one drive: whether the compiled loops are the textbook's filters."""
+"""Estimators as they are asked for: on both engines, to compare them, and several at once."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 
+from roadlog import jit
 from roadlog.car.vehicle import Vehicle
 from roadlog.checks.finding import Finding
 from roadlog.drive import Drive
@@ -35,6 +38,25 @@ def run_on(
     compiled = run(name, drive, vehicle, settings, "compiled", faults)
     reference = run(name, drive, vehicle, settings, "reference", faults)
     return dataclasses.replace(compiled, notes=[*compiled.notes, _apart(compiled, reference)])
+
+
+def side_by_side(
+    make: Callable[[str], Estimate], names: Sequence[str], jobs: int
+) -> Iterator[Callable[[], Estimate]]:
+    """For each name, in their order, what waits for its estimate; `jobs` are made at a time.
+
+    In threads: compiled loops do not hold Python's lock. With one job each is made when it is
+    waited for.
+    """
+    if jobs == 1:
+        yield from (partial(make, name) for name in names)
+        return
+    jit.loaded()  # once, before the threads
+    pool = ThreadPoolExecutor(jobs)
+    try:
+        yield from (made.result for made in [pool.submit(make, name) for name in names])
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _apart(compiled: Estimate, reference: Estimate) -> str:

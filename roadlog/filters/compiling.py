@@ -39,8 +39,8 @@ class Compiling:
 def compiling(name: str) -> Iterator[Compiling]:
     """Count what numba compiles in the block, and say so when it begins; its cache is no work."""
     count = Compiling(name)
-    jit.watches.append(count)
+    jit.watching.watches.append(count)
     try:
         yield count
     finally:
-        jit.watches.remove(count)
+        jit.watching.watches.remove(count)
