@@ -130,11 +130,13 @@ def process_noise(x: Floats, s: Record, noise: Record, q: Floats) -> None:
     share = 1.0 - noise.decay[0] ** 2
     q[S.BODY_PITCH] = share * (
         body**2
+        + noise.body_pitch**2
         + (noise.body_gain * noise.pitch_gradient * sway[Sway.FORWARD]) ** 2
         + (noise.inertia_gain * sway[Sway.PITCH_INERTIA]) ** 2
     )
     q[S.BODY_ROLL] = share * (
         body**2
+        + noise.body_roll**2
         + (noise.body_gain * noise.roll_gradient * sway[Sway.LATERAL]) ** 2
         + (noise.inertia_gain * sway[Sway.ROLL_INERTIA]) ** 2
     )

@@ -37,6 +37,7 @@ BAROMETER, BAROMETER_TIME = 1.0, 120.0  # m, s: weather and gusts at the port
 SHAKING_SPEED = 10.0
 SLOWEST = 1.0  # m/s; slower still, they rock it no more
 # Rows.
+ROAD_BAND = 1.5  # Hz, what changes faster is the body on its springs, not the road
 INTERVAL = (
     0.1  # s between two uses of the road, axle and standstill rows: their errors last so long
 )
@@ -65,6 +66,8 @@ class Noise(NamedTuple):
     body_vibration: (
         float  # rad, body angle by the unevenness of the road, at SHAKING_SPEED and faster
     )
+    body_pitch: float  # rad, of the explained body angle, by the noise of the force
+    body_roll: float  # rad
     body_gain: float  # -, share of the body angle explained by the suspension gains
     inertia_gain: float  # -, share of the body angle explained by its inertia
     body_time: float  # s
@@ -122,6 +125,8 @@ def noise_of(inputs: Inputs) -> Noise:
         vertical_bias=walk,
         body=params.body_angle_sd,
         body_vibration=_body_per_vibration(inputs) * rough,
+        body_pitch=vehicle.pitch_gain * own.accel[0] * np.sqrt(2 * ROAD_BAND),
+        body_roll=roll_gradient(vehicle) * own.accel[1] * np.sqrt(2 * ROAD_BAND),
         body_gain=params.body_share,
         inertia_gain=params.body_inertia_share,
         body_time=params.body_time,

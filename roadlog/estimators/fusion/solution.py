@@ -16,6 +16,7 @@ from roadlog.estimators.fusion.body import body_pitch, body_roll
 from roadlog.estimators.fusion.consistency import Consistency, tempered
 from roadlog.estimators.fusion.fit import Fit
 from roadlog.estimators.fusion.inputs import Inputs
+from roadlog.estimators.fusion.noise import ROAD_BAND
 from roadlog.estimators.fusion.outputs import Output
 from roadlog.estimators.fusion.priors import LOAD_SD
 from roadlog.estimators.fusion.recursion import OWN_STATES
@@ -35,7 +36,6 @@ from roadlog.filters.lowpass import gaussian
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
-ROAD_BAND = 1.5  # Hz, what changes faster is the body on its springs, not the road
 SHIFTED = {  # output -> column of the offset in it
     Output.GRADE: 0,
     Output.INCLINATION: 0,
