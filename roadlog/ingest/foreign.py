@@ -33,7 +33,7 @@ def explained(path: Path, given: Path | str | None, record: Mapping[str, str]) -
 def own_profile(path: Path) -> Profile:
     """The profile that a log's message types make, or a shipped one. Raises LogReadError."""
     frames = mcap.read(path, typed.read_all()).frames
-    found = typed.or_shipped(typed.profile(frames), mcap.names(path))
+    found = typed.or_shipped(typed.profile(frames), typed.names(frames))
     if found is None:
         topics = ", ".join(section.topic for section in INPUTS)
         raise LogReadError(

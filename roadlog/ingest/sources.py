@@ -21,7 +21,7 @@ from roadlog.ingest.frame import Frame, Recording, joined
 from roadlog.ingest.gaps import gaps
 from roadlog.ingest.grid import one_grid
 from roadlog.ingest.mapping import Mapped
-from roadlog.ingest.profile import Profile, fitting, shipped
+from roadlog.ingest.profile import Clock, Profile, fitting, shipped
 from roadlog.ingest.reference import reference
 from roadlog.spool import blocks, release
 from roadlog.storage import Table
@@ -49,11 +49,15 @@ class IngestResult:
 
 @dataclass(frozen=True)
 class Source:
-    """One source with the format that reads it and the profile that says what its names mean."""
+    """One source with the format that reads it and the profile that says what its names mean.
+
+    seen: what was read to find the profile, where that holds all that the profile reads.
+    """
 
     path: Path
     format: Format
     profile: Profile
+    seen: Recording | None = None
 
     def in_zone(self, timezone: str) -> Source:
         """The same with another zone of local stamps. Raises ConfigError for no zone."""
@@ -69,6 +73,8 @@ class Source:
 
     def read(self, dbc: Sequence[Path]) -> Recording:
         """What it holds. Raises LogReadError, ConfigError, MissingExtraError."""
+        if self.seen is not None and self.profile.clock == Clock():
+            return self.seen
         with readable(self.path):
             return self.format.read(self.path, self.profile, dbc)
 
@@ -188,17 +194,27 @@ def open_source(path: Path, profile: Profile | None, dbc: Sequence[Path]) -> Sou
         found = format_of(path)
         if found is None:
             raise LogReadError(f"{path}: is of no known format; {understood()}")
-        meant = profile or _own_profile(found, path, dbc)
-        return Source(path, found, meant.for_file(path.name))
+        if profile is not None:
+            return Source(path, found, profile.for_file(path.name))
+        meant, seen = _own_profile(found, path, dbc)
+        return Source(path, found, meant.for_file(path.name), seen)
 
 
-def _own_profile(format_: Format, path: Path, dbc: Sequence[Path]) -> Profile:
-    """The profile that a source asks for by its kind or by its names."""
+def _own_profile(
+    format_: Format, path: Path, dbc: Sequence[Path]
+) -> tuple[Profile, Recording | None]:
+    """The profile that a source asks for by its kind or by its names; what was read to find it."""
     if format_.profile:
-        return replace(Profile.load(format_.profile), family=True)
+        return replace(Profile.load(format_.profile), family=True), None
+    seen = None
     if format_.is_typed:
-        frames = format_.read(path, typed.read_all(), dbc).frames
-        found = typed.or_shipped(typed.profile(frames), format_.names(path, dbc))
+        everything = format_.read(path, typed.read_all(), dbc)
+        by_type = typed.profile(everything.frames)
+        names = format_.names(path, dbc) if dbc else typed.names(everything.frames)
+        found = typed.or_shipped(by_type, names)
+        # losses may be of topics that the profile does not use
+        if found is not None and found is by_type and not (dbc or everything.losses):
+            seen = replace(everything, frames=tuple(typed.with_made(found, everything.frames)))
     else:
         found = fitting(format_.names(path, dbc))
     if found is None:
@@ -206,7 +222,7 @@ def _own_profile(format_: Format, path: Path, dbc: Sequence[Path]) -> Profile:
             f"{path.name}: say what its names mean with --profile (a file, or one of: "
             f"{', '.join(shipped())}); `roadlog profile new {path.name}` writes one to start from"
         )
-    return found
+    return found, seen
 
 
 def _clock_groups(recordings: Sequence[Recording], frames: Sequence[Frame]) -> list[list[Frame]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import RoadlogError
 from roadlog.ingest import kinds, mapping
+from roadlog.ingest.formats.derived import named
 from roadlog.ingest.frame import Frame
 from roadlog.ingest.kinds import Meaning, meanings, values
 from roadlog.ingest.profile import Profile, fitting
@@ -106,6 +107,19 @@ def with_derived(taken: Iterable[Meaning], frames: Iterable[Frame]) -> list[Fram
     return [
         replace(f, columns={**f.columns, **more[id(f)]}) if id(f) in more else f for f in frames
     ]
+
+
+def with_made(profile: Profile, frames: Iterable[Frame]) -> Iterator[Frame]:
+    """The frames with the columns that a profile names beside those of the source."""
+    for frame in frames:
+        made = named(profile.names, (frame.name, frame.kind), frame.columns)
+        more = {name: column.of(frame.columns) for name, column in made.items()}
+        yield replace(frame, columns={**frame.columns, **more}) if more else frame
+
+
+def names(frames: Iterable[Frame]) -> set[str]:
+    """`KIND.field` and `TOPIC.field` of every column."""
+    return {name for frame in frames for column in frame.columns for name in frame.full(column)}
 
 
 def profile(frames: Sequence[Frame]) -> Profile | None:

@@ -21,6 +21,7 @@ from roadlog.storage.records import LOG_TIME, MESSAGE_HEAD, PREFIX, PUBLISH_TIME
 from roadlog.types import Stamps
 
 MAX_LAYOUTS = 32  # for one length of message; beyond, message by message
+NO_HEAD = bytes(MESSAGE_HEAD)
 LAST_STAMP = 2**63 - 1  # ns, year 2262
 
 Rows = slice | NDArray[np.intp]
@@ -143,12 +144,12 @@ class Columns:
         sizes = np.fromiter(map(len, payloads), np.int64, len(payloads))
         for size in np.unique(sizes).tolist():
             which = np.flatnonzero(sizes == size)
-            matrix = np.zeros((len(which), MESSAGE_HEAD + size), np.uint8)
             alike: Sequence[bytes] = payloads
             rows: Rows = slice(base, self.count)
             if len(which) < len(payloads):
                 alike, rows = [payloads[k] for k in which.tolist()], base + which
-            matrix[:, MESSAGE_HEAD:] = np.frombuffer(b"".join(alike), np.uint8).reshape(-1, size)
+            headed = NO_HEAD.join([b"", *alike])
+            matrix = np.frombuffer(headed, np.uint8).reshape(-1, MESSAGE_HEAD + size)
             self._fill(matrix, varying(matrix), rows)
 
     def finish(self, ordered: bool = True) -> tuple[Stamps, dict[str, NDArray]]:

@@ -31,7 +31,7 @@ class Batch(NamedTuple):
 
 @dataclass
 class Connection:
-    """One line of messages in a bag. count: of its messages, 0 where the bag does not say it."""
+    """One line of messages in a bag. count: of its messages, about; 0 for none."""
 
     topic: str
     encoding: str

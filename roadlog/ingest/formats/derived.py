@@ -11,7 +11,7 @@ velocity[2]                        as velocity.2
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +52,24 @@ def derived(name: str, fields: Collection[str]) -> Derived | None:
     if angle in _ANGLES and all(field in fields for field in quaternion):
         return Derived(quaternion, _ANGLES[angle])
     return None
+
+
+def named(
+    names: Iterable[str], frames: Sequence[str], fields: Collection[str]
+) -> dict[str, Derived]:
+    """The columns among some full names (`FRAME.column`) that are none of a frame's fields.
+
+    frames: names of the frame.
+    """
+    found = {}
+    for full in names:
+        for prefix in (*(f"{frame}." for frame in frames), ""):
+            name = full[len(prefix) :]
+            if full.startswith(prefix) and name not in fields:
+                made = derived(name, fields)
+                if made is not None:
+                    found[name] = made
+    return found
 
 
 def _deviation(*variances: Floats) -> Floats:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from roadlog import stamps
 from roadlog.errors import LogReadError
 from roadlog.ingest.formats import can, can_messages, message_clocks
-from roadlog.ingest.formats.derived import Derived, derived
+from roadlog.ingest.formats.derived import named
 from roadlog.ingest.formats.message_clocks import Stamped
 from roadlog.ingest.frame import Frame, Recording, absent, unread
 from roadlog.ingest.profile import Clock, Profile
@@ -128,7 +128,7 @@ class _Read:
             self.can[topic.name] = {n: _rows(c, found.keep) for n, c in table.columns.items()}
             self.stamped[topic.name] = found
             return
-        more = _derived(self.profile, topic)
+        more = named(self.profile.names, (topic.name, topic.kind), topic.fields)
         wanted = [f for f in topic.fields if self.profile.reads(f, topic.name, topic.kind)]
         if not wanted and not more:
             self.frames.append(unread(topic.name, self.label, topic.fields, topic.kind))
@@ -192,19 +192,6 @@ class _Read:
             found[0] += decoded.losses
             found[1] += decoded.notes
         return frames, found[0], found[1]
-
-
-def _derived(profile: Profile, topic: Topic) -> dict[str, Derived]:
-    """Columns that the profile names beside the topic's own fields."""
-    found = {}
-    for full in profile.names:
-        for prefix in (f"{topic.name}.", f"{topic.kind}.", ""):
-            name = full[len(prefix) :]
-            if full.startswith(prefix) and name not in topic.fields:
-                made = derived(name, topic.fields)
-                if made is not None:
-                    found[name] = made
-    return found
 
 
 def _frame_id(topic: Topic) -> str:
