@@ -74,7 +74,8 @@ class Columns:
     """The columns of one channel, filled chunk by chunk.
 
     codec: None where payloads have no columns. wanted: column names, None for all. start_ns,
-    end_ns: half-open range of log times. capacity: messages to expect. by_hand: messages that no
+    end_ns: half-open range of log times. capacity: messages to expect. ordered: by
+    time in the end, else as in the file. by_hand: messages that no
     layout fitted; lost: of these, the ones that could not be decoded. beyond: messages left out
     because no int64 holds their time.
     """
@@ -85,6 +86,7 @@ class Columns:
     end_ns: int | None = None
     clock: str = "log"
     capacity: int = 0
+    ordered: bool = True
     count: int = 0
     by_hand: int = 0
     lost: int = 0
@@ -152,14 +154,11 @@ class Columns:
             matrix = np.frombuffer(headed, np.uint8).reshape(-1, MESSAGE_HEAD + size)
             self._fill(matrix, varying(matrix), rows)
 
-    def finish(self, ordered: bool = True) -> tuple[Stamps, dict[str, NDArray]]:
-        """Times and columns in time order; equal times stay in the order of the file.
-
-        ordered: put them so; else all are in the order of the file.
-        """
+    def finish(self) -> tuple[Stamps, dict[str, NDArray]]:
+        """Times and columns in time order; equal times stay in the order of the file."""
         time = self._time[: self.count]
         columns = {name: values[: self.count] for name, values in self._columns.items()}
-        if ordered and (time[1:] < time[:-1]).any():
+        if self.ordered and (time[1:] < time[:-1]).any():
             order = np.argsort(time, kind="stable")
             time = time[order]
             columns = {name: values[order] for name, values in columns.items()}

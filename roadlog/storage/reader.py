@@ -114,6 +114,7 @@ class LogReader:
                 end_ns,
                 clock,
                 min(self.contents.counts.get(id_, 0), self._room(id_)),
+                ordered,
             )
             for id_, channel in self.contents.channels.items()
             if channel.topic in wanted
@@ -133,7 +134,7 @@ class LogReader:
             parts[channel.topic].append(
                 Part(channel.encoding, self._schema(channel), found, channel.metadata)
             )
-        return {topic: one_table(topic, own, self._lose, ordered) for topic, own in parts.items()}
+        return {topic: one_table(topic, own, self._lose) for topic, own in parts.items()}
 
     def units(self, topic: str) -> Mapping[str, str]:
         """Field path -> unit, where the schema of a topic states it."""

@@ -31,13 +31,8 @@ class Part(NamedTuple):
         return self.schema.name, tuple(sorted((name, str(code)) for name, code in dtypes.items()))
 
 
-def one_table(
-    topic: str, parts: Sequence[Part], lose: Callable[[str], None], ordered: bool = True
-) -> Table:
-    """Those that have the fields of most messages, in time order; the rest is a loss.
-
-    ordered: else a single channel is in the order of the file.
-    """
+def one_table(topic: str, parts: Sequence[Part], lose: Callable[[str], None]) -> Table:
+    """Those that have the fields of most messages, in time order; the rest is a loss."""
     counts: dict[object, int] = {}
     for part in parts:
         counts[part.meaning] = counts.get(part.meaning, 0) + part.columns.count
@@ -55,5 +50,5 @@ def one_table(
             f"{topic}: {len(counts)} channels of different schemas; {left} messages of {what} were "
             f"not read, {counts[chosen]} of {name or 'no schema'} were"
         )
-    time, values = merged([part.columns.finish(ordered) for part in same])
+    time, values = merged([part.columns.finish() for part in same])
     return Table(topic, name, time, values, same[0].metadata)

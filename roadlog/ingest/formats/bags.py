@@ -81,7 +81,7 @@ class Bag(ABC):
         columns = {
             number: Columns(
                 self._codec(found), None if fields is None else fields.get(found.topic),
-                end_ns=end_ns, capacity=found.count,
+                end_ns=end_ns, capacity=found.count, ordered=ordered,
             )
             for number, found in self.connections.items()
             if found.topic in wanted
@@ -93,7 +93,7 @@ class Bag(ABC):
         for number, found in columns.items():
             own = self.connections[number]
             parts[own.topic].append(Part(own.encoding, own.schema, found, {}))
-        return {topic: one_table(topic, own, self._lose, ordered) for topic, own in parts.items()}
+        return {topic: one_table(topic, own, self._lose) for topic, own in parts.items()}
 
     def units(self, topic: str) -> Mapping[str, str]:
         """Field path -> unit, where the definition states it."""
