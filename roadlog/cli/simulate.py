@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from roadlog.cli import console, life, options
+
+if TYPE_CHECKING:
+    from roadlog.roads.model import RoadModel
 
 
 def simulate(
@@ -43,7 +46,6 @@ def simulate(
     from roadlog.car.vehicle import Vehicle
     from roadlog.files import output
     from roadlog.log import create
-    from roadlog.roads.formats import read
 
     overrides = {}
     for text in settings or []:
@@ -61,13 +63,25 @@ def simulate(
                 vehicle=Vehicle.load(vehicle) if vehicle else None,
                 load=load,
                 overrides=overrides,
-                road=read(road) if road else None,
+                road=_road(road),
             )
         create(out, simulation.tables, simulation.metadata, simulation.vehicle)
     messages = sum(len(table) for table in simulation.tables)
     duration = simulation.motion.time[-1]
     name = simulation.scenario.name
     console.say(f"{out}: {name}, {duration:.1f} s, seed {seed}, {messages} messages")
+
+
+def _road(path: Path | None) -> RoadModel | None:
+    """The road to drive on; what of it is not read is said."""
+    from roadlog.roads.formats import read
+
+    if path is None:
+        return None
+    model = read(path)
+    for note in model.notes:
+        console.note(f"{path}: {note}")
+    return model
 
 
 def scenarios(

@@ -13,6 +13,7 @@ from roadlog.geo import TransverseMercator
 from roadlog.types import Floats
 
 MAX_TURN = np.radians(60.0)  # rad between a car's heading and the road's, either way
+SOMEWHERE = (47.0, 11.0)  # deg, of a road that does not say where it is
 UNKNOWN_DATUM = "as the receivers gave it; no datum was converted"
 
 
@@ -26,7 +27,8 @@ class RoadModel:
     right side down + as seen along s; NaN where unknown. *_sd: rad or m, one standard deviation in
     all; *_common_sd: the part of it that all drives of one car share, so that more of them do not
     lessen it. passes: how many drives lie behind each point. drives: in all. sources: their names.
-    both_ways: driven in both directions. datum: what z refers to.
+    both_ways: driven in both directions. datum: what z refers to. placed: whether it is known where
+    on earth it lies; if not, its origin is SOMEWHERE.
     """
 
     name: str
@@ -49,6 +51,7 @@ class RoadModel:
     sources: tuple[str, ...] = field(default=())
     both_ways: bool = False
     datum: str = UNKNOWN_DATUM
+    placed: bool = True
     notes: tuple[str, ...] = field(default=())
 
     def __len__(self) -> int:

@@ -35,6 +35,11 @@ def from_road(model: RoadModel, tables: Sequence[Table]) -> Table:
 
     Raises LogReadError without fixes, and where none of them lies on the road.
     """
+    if not model.placed:
+        raise LogReadError(
+            f"{model.name}: the road does not say where on earth it is (geoReference in .xodr, "
+            f"reference_line_start_lat and _lon in .crg), so no drive can be laid on it"
+        )
     fixes = fixes_of(tables, model.name)
     x, y = model.plane.forward(fixes.latitude, fixes.longitude)
     station, offset, turn = model.locate(x, y, fixes.heading, FAR)

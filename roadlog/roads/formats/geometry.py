@@ -12,6 +12,7 @@ from roadlog.types import Floats
 
 SPIRAL_STEP = 0.05  # m, of the quadrature along a clothoid (trapezoidal; 1e-8 m over 100 m)
 LONGEST = 1e6  # m; a longer road is an error of the file, not a road
+JUMP = 0.5  # m, that a record may begin beside the end of the one before
 GAP = 0.1  # m between the end of a record and the beginning of the next
 
 
@@ -37,6 +38,11 @@ def line_of(road: ET.Element, where: str, step: float) -> Line:
             number(where, record, key) for key in ("s", "x", "y", "hdg", "length")
         )
         total += max(length, 0.0)
+        if np.isfinite(end) and start > end + GAP:
+            raise LogReadError(
+                f"{where}: <geometry> number {k + 1}: begins at s = {start:g}, the one before it "
+                f"ends at {end:g}: {start - end:g} m of road are missing"
+            )
         if start < end - GAP or length < 0 or total > LONGEST:
             raise LogReadError(
                 f"{where}: <geometry> number {k + 1}: s = {start}, length = {length}: "
@@ -49,16 +55,21 @@ def line_of(road: ET.Element, where: str, step: float) -> Line:
         at = np.linspace(0.0, length, count + 1)
         u, v, turn = _shape(where, record, at, length)
         c, d = np.cos(heading), np.sin(heading)
-        keep = slice(None) if k == len(records) - 1 else slice(None, -1)
-        parts.append(
-            ((start + at)[keep], (x + u * c - v * d)[keep], (y + u * d + v * c)[keep],
-             (heading + turn)[keep])
-        )  # fmt: skip
+        xs, ys = x + u * c - v * d, y + u * d + v * c
+        if parts:
+            jump = float(np.hypot(xs[0] - parts[-1][1][-1], ys[0] - parts[-1][2][-1]))
+            if jump > JUMP:
+                raise LogReadError(
+                    f"{where}: <geometry> number {k + 1}: begins {jump:.2f} m away from where the "
+                    f"one before it ends"
+                )
+            parts[-1] = tuple(column[:-1] for column in parts[-1])  # type: ignore[assignment]
+        parts.append((start + at, xs, ys, heading + turn))
     if not parts:
         raise LogReadError(f"{where}: <planView>: its geometries have no length")
-    s, xs, ys, headings = (np.concatenate(column) for column in zip(*parts, strict=True))
+    s, x_all, y_all, headings = (np.concatenate(column) for column in zip(*parts, strict=True))
     ascending = np.concatenate([[True], np.diff(s) > 1e-9])
-    return Line(s[ascending], xs[ascending], ys[ascending], np.unwrap(headings[ascending]))
+    return Line(s[ascending], x_all[ascending], y_all[ascending], np.unwrap(headings[ascending]))
 
 
 def _shape(

@@ -10,10 +10,11 @@ from types import ModuleType
 import numpy as np
 
 from roadlog.errors import ConfigError, LogReadError, MissingExtraError
-from roadlog.roads.model import RoadModel, road_of
+from roadlog.roads.model import SOMEWHERE, RoadModel, road_of
 from roadlog.types import Floats
 
 STEP = 1.0  # m between cross sections: 7 mm of the line and 0.002 deg of bank off, 321 kB for 10 km
+LEAST_STEP = 1.0  # m between the points that are read
 HALF_WIDTH = 4.0  # m to each side
 INSIDE = 0.9  # of the smallest radius: the grid may not reach a bend's center
 
@@ -78,56 +79,77 @@ def _by_chords(model: RoadModel) -> RoadModel:
 
 
 def read(path: Path) -> RoadModel:
-    """The line, its slope and the cross slope of its middle; a grid of heights counts as well."""
+    """The line, its slope and the cross slope of its middle; a grid of heights counts as well.
+
+    A file without a modifier section is taken as it stands: readers of OpenCRG move it to the
+    origin. Grids finer than LEAST_STEP are averaged over it: what a tire rolls over is no slope.
+    """
     pycrg = _pycrg()
     try:
-        with pycrg.DataSet.open(str(path)) as data:
+        with pycrg.DataSet.open(str(path), apply_modifiers=False) as data:
             grid, header = data.grid(), data.header
+        if header.modifiers is not None:
+            with pycrg.DataSet.open(str(path)) as data:
+                grid = data.grid()
     except (pycrg.OpenCRGError, ValueError, OSError) as error:
         raise LogReadError(f"{path}: not read as OpenCRG: {error}") from error
-    z, across = _middle(grid)
-    origin = _origin(header.comment, header.road)
     if len(grid.u) < 3:
         raise LogReadError(f"{path}: a grid of {len(grid.u)} cross sections is no road")
-    x, y = np.asarray(grid.x, np.float64), np.asarray(grid.y, np.float64)
-    if origin is None:
-        raise LogReadError(
-            f"{path}: reference_line_start_lat and _lon are missing: where on earth is it?"
-        )
-    place, moved = origin
-    if moved:
-        x, y = x - x[0], y - y[0]
-    s = np.asarray(grid.u, np.float64) - float(grid.u[0])
+    u, x, y, z, across = _coarsened(np.stack([grid.u, grid.x, grid.y, *_middle(path, grid)]))
+    if len(u) < 3:
+        raise LogReadError(f"{path}: {grid.u[-1] - grid.u[0]:.2f} m are too short for a road")
+    place, is_moved = _origin(header.comment, header.road)
+    if is_moved or place is None:
+        x, y = x - grid.x[0], y - grid.y[0]
+    s = u - u[0]
     grade = np.arctan(np.gradient(z, s))
     heading = np.unwrap(np.arctan2(np.gradient(y, s), np.gradient(x, s)))
     bank = np.arctan(across * np.cos(grade))
-    return road_of(path.stem, place, x, y, z, grade=grade, bank=bank, heading=heading, s=s)
+    return road_of(
+        path.stem, place or SOMEWHERE, x, y, z, grade=grade, bank=bank, heading=heading, s=s,
+        placed=place is not None,
+    )  # fmt: skip
 
 
-def _middle(grid: object) -> tuple[Floats, Floats]:
-    """Height of the reference line and the cross slope (left up +) about it."""
+def _coarsened(columns: Floats) -> Floats:
+    """Means over as many cross sections as lie in LEAST_STEP."""
+    every = max(1, round(LEAST_STEP / float(columns[0, 1] - columns[0, 0])))
+    whole = columns.shape[1] // every * every
+    means: Floats = columns[:, :whole].reshape(len(columns), -1, every).mean(axis=2)
+    return means
+
+
+def _middle(path: Path, grid: object) -> tuple[Floats, Floats]:
+    """Height of the reference line and the cross slope (left up +) about it; NaN cells left out."""
     v = np.asarray(grid.v, np.float64)  # type: ignore[attr-defined]
     heights = np.asarray(grid.z, np.float64)  # type: ignore[attr-defined]
     base = np.asarray(grid.ref_z, np.float64)  # type: ignore[attr-defined]
-    bank = np.asarray(grid.bank, np.float64)  # type: ignore[attr-defined]
+    bank = np.broadcast_to(np.asarray(grid.bank, np.float64), base.shape)  # type: ignore[attr-defined]
     near = np.abs(v) <= max(2.0, float(np.sort(np.abs(v))[min(1, len(v) - 1)]))
-    v, heights = v[near], np.nan_to_num(heights[:, near])
-    if len(v) < 2:
-        return base + heights.mean(axis=1), bank
-    design = np.stack([np.ones(len(v)), v], axis=1)
-    level, slope = np.linalg.lstsq(design, heights.T, rcond=None)[0]
+    v, heights = v[near], heights[:, near]
+    known = np.isfinite(heights)
+    count = known.sum(axis=1)
+    if not count.all():
+        u = float(grid.u[int(np.argmin(count))])  # type: ignore[attr-defined]
+        raise LogReadError(f"{path}: no height within 2 m of the line at u = {u:g} m")
+    heights = np.where(known, heights, 0.0)
+    middle = (known @ v) / count
+    away = np.where(known, v - middle[:, None], 0.0)
+    spread = (away**2).sum(axis=1)
+    slope = np.where(spread > 0, (away * heights).sum(axis=1) / np.where(spread > 0, spread, 1), 0)
+    level = heights.sum(axis=1) / count - slope * middle
     return base + level, bank + slope
 
 
-def _origin(comment: str, road: dict[str, float]) -> tuple[tuple[float, float], bool] | None:
-    """Origin in deg of the plane, and whether the line must be moved to it."""
+def _origin(comment: str, road: dict[str, float]) -> tuple[tuple[float, float] | None, bool]:
+    """Origin in deg of the plane if it is known, and whether the line must be moved to it."""
     found = re.search(r"origin latitude (-?[\d.]+) longitude (-?[\d.]+) deg", comment)
     if found:
         return (float(found[1]), float(found[2])), False
     keys = "reference_line_start_lat", "reference_line_start_lon"
     if all(key in road for key in keys):
         return (float(road[keys[0]]), float(road[keys[1]])), True
-    return None
+    return None, True
 
 
 def _median(values: Floats) -> str:

@@ -5,13 +5,13 @@ Signs are roadlog's own: superelevation is the bank (right side down +, looking 
 
 from __future__ import annotations
 
-import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
 
 from roadlog.errors import LogReadError
+from roadlog.roads.formats import georeference
 from roadlog.roads.formats.geometry import line_of, number
 from roadlog.roads.model import RoadModel, road_of
 from roadlog.types import Floats
@@ -19,6 +19,8 @@ from roadlog.version import __version__
 
 LANE_WIDTH = 3.5  # m, of the one lane to each side: a road model does not know its lanes
 READ_STEP = 1.0  # m, at which a file's road is sampled
+LATEST_START = 1.0  # m into the road, that its elevation may begin
+LEAST_CROWN = 0.01  # deg, that is said
 CODE = "roadlog"  # of the user data that holds the sds
 
 
@@ -150,6 +152,8 @@ def read(path: Path) -> RoadModel:
         root = ET.parse(path).getroot()
     except (ET.ParseError, OSError, ValueError) as error:
         raise LogReadError(f"{path}: not read as OpenDRIVE: {error}") from error
+    for element in root.iter():  # some writers put all names into a namespace
+        element.tag = element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
     found = root.findall("road")
     if root.tag != "OpenDRIVE" or not found:
         raise LogReadError(f"{path}: <{root.tag}>: no OpenDRIVE road in it")
@@ -160,28 +164,57 @@ def read(path: Path) -> RoadModel:
         )
     road = found[0]
     line = line_of(road, str(path), READ_STEP)
-    z, slope = _profile(path, road, "elevationProfile", "elevation", line.s)
+    z, slope = _profile(path, road, "elevationProfile/elevation", line.s)
     if z is None or slope is None:
         raise LogReadError(f"{path}: <elevationProfile>: is missing; nothing says the grade")
-    bank, _ = _profile(path, road, "lateralProfile", "superelevation", line.s)
-    crossfall, _ = _profile(path, road, "lateralProfile", "crossfall", line.s)
-    across = None if bank is None else bank
-    if crossfall is not None:
-        across = crossfall if across is None else across + crossfall
-    user = _user_data(road, line.s)
+    bank, notes = _across(path, road, line.s)
+    place = georeference.placed(path, root, line, z)
     return road_of(
-        path.stem, _origin(path, root), line.x, line.y, z, grade=np.arctan(slope), bank=across,
-        heading=line.heading, s=line.s, notes=_left_out(road), **user,
+        path.stem, place.origin, place.x, place.y, place.z, grade=np.arctan(slope), bank=bank,
+        heading=place.heading, s=line.s, notes=(*notes, *_left_out(road)), placed=place.is_known,
+        **_user_data(road, line.s),
     )  # fmt: skip
 
 
+def _across(path: Path, road: ET.Element, s: Floats) -> tuple[Floats | None, tuple[str, ...]]:
+    """Bank in rad of the mean plane of both sides, None where nothing says it, and notes.
+
+    Crossfall falls from the line outward: to the right it is a bank, to the left against one.
+    """
+    lateral = "lateralProfile/"
+    bank = _profile(path, road, f"{lateral}superelevation", s, before=0.0)[0]
+    sides = [
+        _profile(path, road, f"{lateral}crossfall", s, before=0.0, side=side)[0]
+        for side in ("right", "left")
+    ]
+    if all(side is None for side in sides):
+        return bank, ()
+    right, left = (np.zeros(len(s)) if side is None else side for side in sides)
+    mean = 0.5 * (right - left) + (0.0 if bank is None else bank)
+    crown = float(np.degrees(np.max(np.abs(0.5 * (right + left)))))
+    note = f"<crossfall>: a crown of up to {crown:.2f} deg; the bank is that of the mean plane"
+    return mean, (note,) if crown > LEAST_CROWN else ()
+
+
 def _profile(
-    path: Path, road: ET.Element, profile: str, name: str, s: Floats
+    path: Path,
+    road: ET.Element,
+    name: str,
+    s: Floats,
+    before: float | None = None,
+    side: str | None = None,
 ) -> tuple[Floats, Floats] | tuple[None, None]:
-    """Value and slope at s of a chain of cubics; None where the file has none."""
-    records = road.findall(f"{profile}/{name}")
+    """Value and slope at s of a chain of cubics; None where the file has none.
+
+    before: what holds before the first of them; None if there may be nothing before. side: of
+    records that have one. Raises LogReadError.
+    """
+    records = road.findall(name)
+    if side is not None:
+        records = [r for r in records if r.get("side", "both") in (side, "both")]
     if not records:
         return None, None
+    tag = records[0].tag
     rows = np.array(
         [
             [number(str(path), record, key) for key in ("s", "a", "b", "c", "d")]
@@ -189,29 +222,16 @@ def _profile(
         ]
     )
     if np.any(np.diff(rows[:, 0]) < 0):
-        raise LogReadError(f"{path}: <{name}>: s does not ascend")
-    at = np.clip(np.searchsorted(rows[:, 0], s, "right") - 1, 0, len(rows) - 1)
-    start, a, b, c, d = rows[at].T
+        raise LogReadError(f"{path}: <{tag}>: s does not ascend")
+    if before is None and rows[0, 0] > s[0] + LATEST_START:
+        raise LogReadError(f"{path}: <{tag}>: begins at s = {rows[0, 0]:g} m, nothing before")
+    at = np.searchsorted(rows[:, 0], s, "right") - 1
+    start, a, b, c, d = rows[np.maximum(at, 0)].T
     x = s - start
-    return a + x * (b + x * (c + x * d)), b + x * (2 * c + 3 * d * x)
-
-
-def _origin(path: Path, root: ET.Element) -> tuple[float, float]:
-    """Origin in deg of the file's plane."""
-    text = root.findtext("header/geoReference") or ""
-    if "+proj=tmerc" in text:
-        values = {
-            key: float(found[1])
-            for key in ("lat_0", "lon_0", "k", "k_0", "x_0", "y_0")
-            if (found := re.search(rf"\+{key}=(-?[\d.]+)", text))
-        }
-        flat = {"x_0", "y_0"}.isdisjoint(k for k, v in values.items() if v)
-        if values.get("k", values.get("k_0", 1.0)) == 1.0 and flat and "lat_0" in values:
-            return values["lat_0"], values.get("lon_0", 0.0)
-    raise LogReadError(
-        f"{path}: <geoReference> {text.strip()[:80]!r}: where on earth is it? Needs +proj=tmerc "
-        "with +lat_0, +lon_0, +k=1 and no false origin"
-    )
+    value, slope = a + x * (b + x * (c + x * d)), b + x * (2 * c + 3 * d * x)
+    if before is None:
+        return value, slope
+    return np.where(at < 0, before, value), np.where(at < 0, 0.0, slope)
 
 
 def _user_data(road: ET.Element, s: Floats) -> dict[str, Floats]:
