@@ -82,9 +82,7 @@ def _print_table(paper: str, table: ResultTable) -> None:
         for row in table.rows
     ]
     columns = ["case", "form", "metric", "unit", "paper", "now", "sd", "now/paper", "documented"]
-    title = f"{paper}: {table.name}"
-    if table.settings:
-        title += f"\nnot the defaults: {table.settings}"
+    title = f"{paper}: {table.name}\nnot the defaults: {table.settings}"
     console.print_table(columns, rows, title, left=4)
 
 

@@ -60,7 +60,7 @@ class ResultTable:
 
     name: str
     rows: list[Row]
-    settings: str = ""
+    settings: str = "none"
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Claim:
     claim: str
     holds: bool
     now: str
-    why: str = ""
+    why: str
 
 
 @dataclass(frozen=True)

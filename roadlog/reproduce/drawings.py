@@ -110,14 +110,14 @@ def _massel() -> list[Drawing]:
     return [
         Drawing(
             "massel2004-quasi",
-            "Figs 4, 5",
+            "of Figs 4-7",
             "Grade in the quasi-steady drive, printed methods: identification above, analytic and "
             "combined below. The paper's curves are of a CarSim car without numbers.",
             figure("quasi"),
         ),
         Drawing(
             "massel2004-accel",
-            "Figs 6, 7",
+            "of Figs 4-7",
             "Grade through four gear shifts: identification leaves the plot, the analytic methods "
             "stay. Times and depth of the shifts are ours.",
             figure("accel"),
@@ -138,26 +138,71 @@ def _ryu() -> list[Drawing]:
 
         return draw
 
+    def model(figure: Figure) -> None:
+        from roadlog.reproduce.ryu2004 import single_track
+
+        simulation = simulate("ryu2004-slalom", seed=1)
+        drive = Drive.from_tables(simulation.tables)
+        ins = estimators.run("gnss_ins", drive, simulation.vehicle, {"smooth": False})
+        beta = ins.details["sideslip"].columns["beta"]
+        states = single_track(drive, simulation.vehicle)
+        pairs = ((beta, "sideslip [deg]"), (drive["imu.gyro_z"], "yaw rate [deg/s]"))
+        for k, (axes, (seen, label)) in enumerate(
+            zip(figure.subplots(2, 1, sharex=True), pairs, strict=True)
+        ):
+            axes.plot(drive.time, np.degrees(seen), "k", linewidth=1.6, label="GNSS/INS")
+            axes.plot(drive.time, np.degrees(states[:, k]), linewidth=0.9, label="vehicle model")
+            axes.set(xlabel="time [s]", ylabel=label)
+            axes.legend(fontsize="small")
+
+    def by_place(figure: Figure) -> None:
+        from roadlog.reproduce import bank_by_place
+
+        axes = figure.subplots()
+        at = (np.arange(bank_by_place.BINS) + 0.5) * 360.0 / bank_by_place.BINS
+        for direction in bank_by_place.DIRECTIONS:
+            for crawl, line in ((False, "-"), (True, "--")):
+                found = bank_by_place.places(direction, crawl, 1)
+                label = f"{'crawl' if crawl else 'laps'} to the {direction}"
+                axes.plot(at, np.degrees(found.mean), line, linewidth=1.0, label=label)
+        axes.set(xlabel="place on the circle [deg]", ylabel="bank of a left turn [deg]")
+        axes.legend(fontsize="small")
+
     return [
         Drawing(
+            "ryu2004-model",
+            "Fig 4",
+            "Sideslip and yaw rate by GNSS/INS and by the single-track model on the steering "
+            "alone, in a slalom. The paper's is of its own car.",
+            model,
+        ),
+        Drawing(
             "ryu2004-slalom",
-            "Fig 5",
+            "slalom; number not verified",
             "Bank and roll in a slalom on a flat road: the roll follows the side force, the bank "
             "stays within 1 deg.",
             figure("slalom"),
         ),
         Drawing(
             "ryu2004-laps",
-            "Fig 6",
-            "Bank and roll on laps of a tilted plane: the bank comes again every lap. The paper "
-            "drove a parking lot, its bank is another.",
+            "Fig 5",
+            "Bank and roll on laps of a tilted plane: the total roll is mostly positive, the bank "
+            "as often up as down, and comes again every lap. The paper drove a parking lot, its "
+            "bank is another.",
             figure("laps"),
+        ),
+        Drawing(
+            "ryu2004-places",
+            "Fig 6",
+            "Bank by place, by laps and by a static crawl over the same circle, in both "
+            "directions. The paper's marks lie on its own lot, its bank is another.",
+            by_place,
         ),
     ]
 
 
 def _kim() -> list[Drawing]:
-    from roadlog.reproduce.kim2023.motions import GRID, MICRO_G, NOISES
+    from roadlog.reproduce.kim2023.motions import BIASES, GRID, MICRO_G, NOISES, Cell
 
     def noise(figure: Figure) -> None:
         groups = []
@@ -169,6 +214,21 @@ def _kim() -> list[Drawing]:
         axes = figure.subplots()
         axes.boxplot(groups, tick_labels=[str(n) for n in NOISES])
         axes.set(xlabel="accelerometer noise [ug/rtHz]", ylabel="pitch of an event [deg]")
+
+    def bias(figure: Figure) -> None:
+        groups = []
+        for value in BIASES:
+            cell = Cell(bias=float(value))
+            run = _run("kim2023-mc", {"printed": ("static_slope", GRID)}, overrides=cell.overrides)
+            columns = run.estimates["printed"].details["events"].columns
+            used = columns["valid"]
+            groups.append([np.degrees(columns[n][used]) for n in ("inclination", "pitch")])
+        ticks = [f"{value:+.1f}" for value in BIASES]
+        for k, (axes, name) in enumerate(
+            zip(figure.subplots(2, 1, sharex=True), ("inclination", "pitch"), strict=True)
+        ):
+            axes.boxplot([group[k] for group in groups], tick_labels=ticks)
+            axes.set(xlabel="accelerometer bias along x [m/s2]", ylabel=f"{name} [deg]")
 
     def urban(figure: Figure) -> None:
         methods: dict[str, tuple[str, Mapping[str, Any]]] = {
@@ -187,10 +247,18 @@ def _kim() -> list[Drawing]:
 
     return [
         Drawing(
+            "kim2023-bias",
+            "Figs 13-15",
+            "Inclination and pitch of 20 events at 2 m/s2 by the accelerometer's bias, as "
+            "printed: the inclination takes it, the pitch does not. The paper crosses it with "
+            "slope, pitch and acceleration, as the table does.",
+            bias,
+        ),
+        Drawing(
             "kim2023-noise",
-            "Figs 16-18",
+            "Fig 16",
             "Pitch of 50 events at 2 m/s2 by the noise of the accelerometer, as printed. The "
-            "paper's boxes widen alike.",
+            "paper draws slopes too, which spread up to 1 deg; so do they here, as a range.",
             noise,
         ),
         Drawing(
@@ -230,7 +298,7 @@ def _luo() -> list[Drawing]:
     return [
         Drawing(
             "luo2024-grade",
-            "Fig 6",
+            "grade on the curved road; number not verified",
             "Grade on the curved road (s3), exact signals. The paper's TFOBE follows; as printed "
             "it is off by what its equations leave out.",
             grade,

@@ -214,6 +214,7 @@ def _claims(cases: list[Case]) -> list[Claim]:
             within == len(covered),
             f"{within} of {len(covered)} within, {careless} below, "
             f"{len(covered) - within - careless} above; mean {np.mean(covered):.3f}",
+            "a model that doubts too much is as wrong as one that doubts too little",
         )
     )
     return goals
@@ -228,4 +229,4 @@ def _claim(text: str, rows: list[tuple[str, float, float]]) -> Claim:
     now = "; ".join(misses) if misses else f"worst {worst[0]} {worst[1]:.3f} of {worst[2]:.3f}"
     if misses:
         now = f"{len(misses)} of {len(rows)} miss: {now}"
-    return Claim(text, not misses, now)
+    return Claim(text, not misses, now, "a goal of this project, not of a paper")

@@ -100,7 +100,8 @@ def reproduce() -> Reproduction:
         ResultTable(f"{names}, with sensors, {len(SEEDS)} seeds", _rows(sensors), SETTINGS),
         ResultTable("Figs 3, 5, 7: tire forces of TFOBE, exact signals", _force_rows(ideal)),
         ResultTable(
-            f"tire forces of TFOBE, with sensors, {len(SEEDS)} seeds", _force_rows(sensors)
+            f"tire forces of TFOBE, with sensors, {len(SEEDS)} seeds",
+            _force_rows(sensors),
         ),
     ]
     roads, also = _roads()
@@ -230,6 +231,7 @@ def _claims(ideal: Runs, sensors: Runs) -> tuple[list[Claim], list[Claim]]:
             "a complete DEBE loses to TFOBE in a steady corner",
             debe > 2 * tfobe,
             f"{debe:.3f} % against {tfobe:.3f} % on the helix",
+            "what the turned front tires brake reads as a grade in the driving equation",
         )
     ]
     return claims, also
@@ -250,11 +252,13 @@ def _roads() -> tuple[ResultTable, list[Claim]]:
             f"{MOUNTAIN_RMSE} deg",
             tfobe < MOUNTAIN_RMSE,
             f"RMSE {tfobe:.3f} deg",
+            "around a change of gear the grade is held",
         ),
         Claim(
             f"no estimator diverges on {' and '.join(ROADS)}",
             worst < DIVERGED,
             f"largest error of a valid sample {worst:.2f} deg",
+            "hairpins, wind, gear shifts and held brakes are in both",
         ),
     ]
     return ResultTable(f"ours: {' and '.join(ROADS)}, with sensors, one seed", rows), claims

@@ -18,6 +18,7 @@ from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
 START_RATE = 0.07  # s, half of the mean that gives the rate at a stop
+LIFTED_SHARE = 0.6  # of the window's length, that the slope may begin after at most
 VOID = FLAGS["missing"] | FLAGS["excitation"] | FLAGS["standstill"]  # the window has no end
 
 
@@ -168,7 +169,8 @@ class Windows:
             flags |= FLAGS["saturated"]
         if not statics.steady:
             flags |= FLAGS["model"]
-        lift_off = int(np.argmax(path.s >= params.lift_off)) if self.full else 0
+        lifted = min(params.lift_off, LIFTED_SHARE * params.distance)
+        lift_off = int(np.argmax(path.s >= lifted)) if self.full else 0
         duration = (len(path) - 1) * self.dt
         return Event(sample, kind, stop, statics, path, lift_off, duration, flags)
 

@@ -54,7 +54,7 @@ class StaticSlopeParameters:
         0.05, "m", "a car that rolls back by more is flagged; tires give by less (ours)"
     )
     lift_off: float = parameter(
-        0.5, "m", "full: slope of the path beyond it, when the body has lifted and pitched (ours)"
+        1.2, "m", "full: slope of the path beyond it, when the body has lifted and pitched (ours)"
     )
     gravity_averaging: float = parameter(
         6.0, "s", "full: mean size of the specific force, wherever the body turns to (ours)"

@@ -52,6 +52,7 @@ def of_grids(grid: Grid) -> list[Claim]:
             "slope and pitch change neither mean nor spread",
             all(1 / SPREADS_ALIKE < ratio < SPREADS_ALIKE for ratio in ratios),
             f"spreads {min(ratios):.2f} to {max(ratios):.2f} times that on the flat",
+            "inclination and slope move alike, their difference does not",
         ),
         Claim(
             "the stronger the acceleration, the smaller the spread",
@@ -63,6 +64,7 @@ def of_grids(grid: Grid) -> list[Claim]:
             "the standing IMU's inclination errs by less than 0.1 deg at every noise",
             at_rest < 0.1,
             f"spread up to {at_rest:.3f} deg",
+            "it is a mean over 3 s",
         ),
         Claim(
             "the variance of the pitch at 300 ug/rtHz is 0.2 deg",
@@ -111,6 +113,7 @@ def of_road(rides: Mapping[Ride, Found]) -> list[Claim]:
             "Figs 20, 23: loads are found on every ramp (mended, within 0.1 deg)",
             max(loads) < 0.1,
             f"mean errors up to {max(loads):.3f} deg over five ramps and four loads",
+            "the ramp is in inclination and slope, the load in the inclination only",
         ),
     ]
 
@@ -179,6 +182,7 @@ def _converges(drives: urban.Runs) -> Claim:
             for name, t in times.items()
         )
         + f" within {urban.CONVERGED} deg for good (median, mended)",
+        "each stop gives two measurements of the pitch; a regression over driving gathers spread",
     )
 
 
@@ -193,6 +197,7 @@ def of_directions(reverse: Floats, forward: Floats) -> Claim:
         bool(reverse.std() < 0.2 * forward.std()),
         f"reverse {reverse.mean():+.3f} +- {reverse.std():.3f}, "
         f"forward {forward.mean():+.2f} +- {forward.std():.2f} deg",
+        "two meters of errors instead of twenty seconds of them",
     )
 
 
@@ -209,11 +214,13 @@ def ours(grid: Grid, full: urban.Runs) -> list[Claim]:
             abs(float(np.mean(off))) < 0.1,
             f"{100 * float(np.mean(off)):+.0f} %, single cells {100 * min(off):+.0f} to "
             f"{100 * max(off):+.0f} %",
+            "white noise integrated twice, and that of the mean at rest",
         ),
         Claim(
             f"full car, no position: mean error below {FULL_MEAN} deg, change between the loads "
             f"within {FULL_CHANGE} deg",
             max(means) < FULL_MEAN and change < FULL_CHANGE,
             f"means {means[0]:.3f} and {means[1]:.3f}, change {change:.3f} deg",
+            "what is left is the body's lift and the point about which it turns",
         ),
     ]

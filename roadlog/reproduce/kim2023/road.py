@@ -118,7 +118,8 @@ def directions() -> tuple[ResultTable, Floats, Floats]:
         rows.append(Row(name, "", "pitch, mean error", "deg", None, float(values.mean())))
         rows.append(Row(name, "", "pitch, spread", "deg", None, float(values.std(ddof=1))))
     title = f"the last 2 m before a stop, {between:.0f} s after the one before"
-    return ResultTable(title, rows), reverse, forward
+    settings = "the integration alone, trapezoid, with 0.02 deg/s of gyro bias left in"
+    return ResultTable(title, rows, settings), reverse, forward
 
 
 def _both_ways(job: tuple[int, float]) -> tuple[Floats, Floats]:
