@@ -125,6 +125,38 @@ def _massel() -> list[Drawing]:
     ]
 
 
+def _ryu_model(figure: Figure) -> None:
+    from roadlog.reproduce.ryu2004 import single_track
+
+    simulation = simulate("ryu2004-slalom", seed=1)
+    drive = Drive.from_tables(simulation.tables)
+    ins = estimators.run("gnss_ins", drive, simulation.vehicle, {"smooth": False})
+    beta = ins.details["sideslip"].columns["beta"]
+    states = single_track(drive, simulation.vehicle)
+    pairs = ((beta, "sideslip [deg]"), (drive["imu.gyro_z"], "yaw rate [deg/s]"))
+    for k, (axes, (seen, label)) in enumerate(
+        zip(figure.subplots(2, 1, sharex=True), pairs, strict=True)
+    ):
+        axes.plot(drive.time, np.degrees(seen), "k", linewidth=1.6, label="GNSS/INS")
+        axes.plot(drive.time, np.degrees(states[:, k]), linewidth=0.9, label="vehicle model")
+        axes.set(xlabel="time [s]", ylabel=label)
+        axes.legend(fontsize="small")
+
+
+def _ryu_by_place(figure: Figure) -> None:
+    from roadlog.reproduce import bank_by_place
+
+    axes = figure.subplots()
+    at = (np.arange(bank_by_place.BINS) + 0.5) * 360.0 / bank_by_place.BINS
+    for direction in bank_by_place.DIRECTIONS:
+        for crawl, line in ((False, "-"), (True, "--")):
+            found = bank_by_place.places(direction, crawl, 1)
+            label = f"{'crawl' if crawl else 'laps'} to the {direction}"
+            axes.plot(at, np.degrees(found.mean), line, linewidth=1.0, label=label)
+    axes.set(xlabel="place on the circle [deg]", ylabel="bank of a left turn [deg]")
+    axes.legend(fontsize="small")
+
+
 def _ryu() -> list[Drawing]:
     methods = {"observer, causal": ("roll_bank_obs", {"smooth": False})}
 
@@ -138,43 +170,13 @@ def _ryu() -> list[Drawing]:
 
         return draw
 
-    def model(figure: Figure) -> None:
-        from roadlog.reproduce.ryu2004 import single_track
-
-        simulation = simulate("ryu2004-slalom", seed=1)
-        drive = Drive.from_tables(simulation.tables)
-        ins = estimators.run("gnss_ins", drive, simulation.vehicle, {"smooth": False})
-        beta = ins.details["sideslip"].columns["beta"]
-        states = single_track(drive, simulation.vehicle)
-        pairs = ((beta, "sideslip [deg]"), (drive["imu.gyro_z"], "yaw rate [deg/s]"))
-        for k, (axes, (seen, label)) in enumerate(
-            zip(figure.subplots(2, 1, sharex=True), pairs, strict=True)
-        ):
-            axes.plot(drive.time, np.degrees(seen), "k", linewidth=1.6, label="GNSS/INS")
-            axes.plot(drive.time, np.degrees(states[:, k]), linewidth=0.9, label="vehicle model")
-            axes.set(xlabel="time [s]", ylabel=label)
-            axes.legend(fontsize="small")
-
-    def by_place(figure: Figure) -> None:
-        from roadlog.reproduce import bank_by_place
-
-        axes = figure.subplots()
-        at = (np.arange(bank_by_place.BINS) + 0.5) * 360.0 / bank_by_place.BINS
-        for direction in bank_by_place.DIRECTIONS:
-            for crawl, line in ((False, "-"), (True, "--")):
-                found = bank_by_place.places(direction, crawl, 1)
-                label = f"{'crawl' if crawl else 'laps'} to the {direction}"
-                axes.plot(at, np.degrees(found.mean), line, linewidth=1.0, label=label)
-        axes.set(xlabel="place on the circle [deg]", ylabel="bank of a left turn [deg]")
-        axes.legend(fontsize="small")
-
     return [
         Drawing(
             "ryu2004-model",
             "Fig 4",
             "Sideslip and yaw rate by GNSS/INS and by the single-track model on the steering "
             "alone, in a slalom. The paper's is of its own car.",
-            model,
+            _ryu_model,
         ),
         Drawing(
             "ryu2004-slalom",
@@ -196,13 +198,31 @@ def _ryu() -> list[Drawing]:
             "Fig 6",
             "Bank by place, by laps and by a static crawl over the same circle, in both "
             "directions. The paper's marks lie on its own lot, its bank is another.",
-            by_place,
+            _ryu_by_place,
         ),
     ]
 
 
+def _kim_bias(figure: Figure) -> None:
+    from roadlog.reproduce.kim2023.motions import BIASES, GRID, Cell
+
+    groups = []
+    for value in BIASES:
+        cell = Cell(bias=float(value))
+        run = _run("kim2023-mc", {"printed": ("static_slope", GRID)}, overrides=cell.overrides)
+        columns = run.estimates["printed"].details["events"].columns
+        used = columns["valid"]
+        groups.append([np.degrees(columns[n][used]) for n in ("inclination", "pitch")])
+    ticks = [f"{value:+.1f}" for value in BIASES]
+    for k, (axes, name) in enumerate(
+        zip(figure.subplots(2, 1, sharex=True), ("inclination", "pitch"), strict=True)
+    ):
+        axes.boxplot([group[k] for group in groups], tick_labels=ticks)
+        axes.set(xlabel="accelerometer bias along x [m/s2]", ylabel=f"{name} [deg]")
+
+
 def _kim() -> list[Drawing]:
-    from roadlog.reproduce.kim2023.motions import BIASES, GRID, MICRO_G, NOISES, Cell
+    from roadlog.reproduce.kim2023.motions import GRID, MICRO_G, NOISES
 
     def noise(figure: Figure) -> None:
         groups = []
@@ -214,21 +234,6 @@ def _kim() -> list[Drawing]:
         axes = figure.subplots()
         axes.boxplot(groups, tick_labels=[str(n) for n in NOISES])
         axes.set(xlabel="accelerometer noise [ug/rtHz]", ylabel="pitch of an event [deg]")
-
-    def bias(figure: Figure) -> None:
-        groups = []
-        for value in BIASES:
-            cell = Cell(bias=float(value))
-            run = _run("kim2023-mc", {"printed": ("static_slope", GRID)}, overrides=cell.overrides)
-            columns = run.estimates["printed"].details["events"].columns
-            used = columns["valid"]
-            groups.append([np.degrees(columns[n][used]) for n in ("inclination", "pitch")])
-        ticks = [f"{value:+.1f}" for value in BIASES]
-        for k, (axes, name) in enumerate(
-            zip(figure.subplots(2, 1, sharex=True), ("inclination", "pitch"), strict=True)
-        ):
-            axes.boxplot([group[k] for group in groups], tick_labels=ticks)
-            axes.set(xlabel="accelerometer bias along x [m/s2]", ylabel=f"{name} [deg]")
 
     def urban(figure: Figure) -> None:
         methods: dict[str, tuple[str, Mapping[str, Any]]] = {
@@ -252,7 +257,7 @@ def _kim() -> list[Drawing]:
             "Inclination and pitch of 20 events at 2 m/s2 by the accelerometer's bias, as "
             "printed: the inclination takes it, the pitch does not. The paper crosses it with "
             "slope, pitch and acceleration, as the table does.",
-            bias,
+            _kim_bias,
         ),
         Drawing(
             "kim2023-noise",
