@@ -72,17 +72,42 @@ def test_tens_of_thousands_of_channels(tmp_path: Path) -> None:
             assert "20000 channels" in refused(*command)
 
 
-@pytest.mark.parametrize("rate", [[], ["--rate", "10"]])
-def test_a_clock_that_jumps_by_years(tmp_path: Path, rate: list[str]) -> None:
-    """A clock that is set in the middle of a drive: export says where."""
-    tables = [
+@pytest.fixture(scope="module")
+def jumping(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A drive whose clock is set in its middle."""
+    path = tmp_path_factory.mktemp("jumping") / "years.mcap"
+    half = (
         dataclasses.replace(
             t, time=np.where(np.arange(len(t)) > len(t) // 2, t.time + YEARS, t.time)
         )
         for t in hill_tables(10.0)
-    ]
-    create(tmp_path / "years.mcap", tables)
+    )
+    create(path, half)
+    return path
+
+
+@pytest.mark.parametrize("rate", [[], ["--rate", "10"]])
+def test_export_of_a_clock_that_jumps_by_years(
+    jumping: Path, tmp_path: Path, rate: list[str]
+) -> None:
     with within_bounds():
-        said = refused("export", tmp_path / "years.mcap", "-o", tmp_path / "x.csv", *rate)
+        said = refused("export", jumping, "-o", tmp_path / "x.csv", *rate)
     assert "jumps by 1825.0 days" in said
     assert not (tmp_path / "x.csv").exists()
+
+
+def test_info_of_a_clock_that_jumps_by_years(jumping: Path) -> None:
+    with within_bounds():
+        done = CliRunner().invoke(app, ["info", str(jumping)])
+    assert done.exit_code == 0
+    assert "far from the recording" in " ".join(done.output.split())
+
+
+@pytest.mark.parametrize("command", [["view", "--save", "x.rrd"], ["plot", "-o", "x.png"]])
+def test_view_of_a_clock_that_jumps_by_years(
+    jumping: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with within_bounds():
+        assert "stamps span 1825.0 days" in refused(*command, jumping)
+    assert not list(tmp_path.iterdir())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import subprocess
 import sys
 import threading
@@ -13,6 +14,7 @@ from roadlog import estimators
 from roadlog.drive import Drive
 from roadlog.errors import LogWriteError
 from roadlog.log import DriveLog
+from roadlog.storage import lock
 from roadlog.storage.lock import exclusive
 
 
@@ -55,6 +57,41 @@ def test_the_lock_is_on_the_file_that_is_there_now(tmp_path: Path) -> None:
         other.replace(path)
     waiter.join(30)
     assert order == ["new"]
+
+
+def test_a_log_that_is_removed_while_it_is_waited_for(tmp_path: Path) -> None:
+    path, said = tmp_path / "x.mcap", []
+    path.write_text("old")
+
+    def second() -> None:
+        try:
+            with exclusive(path):
+                said.append("locked")
+        except LogWriteError as error:
+            said.append(str(error))
+
+    with exclusive(path):
+        waiter = threading.Thread(target=second)
+        waiter.start()
+        path.unlink()
+    waiter.join(30)
+    assert said == [f"{path}: cannot be opened: No such file or directory"]
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_lock_of_another_program_is_said_and_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A shared one too, as of a backup."""
+    path = tmp_path / "x.mcap"
+    path.write_text("old")
+    monkeypatch.setattr(lock, "SAID_AFTER", 0.05)
+    monkeypatch.setattr(lock, "LIMIT", 0.2)
+    with path.open() as file:
+        fcntl.flock(file, fcntl.LOCK_SH)
+        with pytest.raises(LogWriteError, match="stayed locked"), exclusive(path):
+            pass
+    assert "is locked by another program; waiting" in caplog.text
 
 
 def test_a_log_that_is_not_there(tmp_path: Path) -> None:
