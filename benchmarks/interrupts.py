@@ -89,6 +89,8 @@ def trial(folder: Path, source: Path, command: str, wait: float) -> str:
 
 def main() -> None:
     """Print how the runs ended."""
+    # a shell's background job ignores Ctrl-C, and so would its children
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     trials = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     chance = random.Random(int(sys.argv[2]) if len(sys.argv) > 2 else 1)
     with tempfile.TemporaryDirectory() as top:

@@ -16,6 +16,8 @@ DEADLINE = 60.0  # s, on a busy machine
 
 
 def start(*arguments: object, **options: object) -> subprocess.Popen[str]:
+    # a shell's background job ignores Ctrl-C, and so would its children
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     return subprocess.Popen(
         [sys.executable, *map(str, arguments)],
         env={**os.environ, "PYTHONPATH": str(ROOT)},
