@@ -102,7 +102,8 @@ class Profile:
     measured: the mount is an angle that somebody measured, not only which axis points where.
     clocks: file pattern -> clock, where files differ ([[time]]), the first that fits; clock: of
     all others. family: it comes with roadlog and describes a kind of source, whose members need
-    not have all of its signals; a user's own file means every line of it.
+    not have all of its signals; a user's own file means every line of it. needs: names of which
+    one must be there where the profile is found by itself, since others have its names too.
     """
 
     name: str
@@ -113,6 +114,7 @@ class Profile:
     family: bool = False
     measured: bool = False
     clocks: tuple[tuple[str, Clock], ...] = ()
+    needs: tuple[str, ...] = ()
 
     def for_file(self, name: str) -> Profile:
         """The same on the clock of one source file."""
@@ -149,6 +151,9 @@ class Profile:
         """Parse a profile's text. An unknown key, role or unit is a ConfigError that names it."""
         where = where or f"profile {name}"
         document = toml.loads(text, where)
+        needs = document.pop("needs", [])
+        if not isinstance(needs, list) or not all(isinstance(need, str) for need in needs):
+            raise ConfigError(f"{where}: needs must be a list of names")
         clocks = _clocks(document.pop("time", {}), where)
         entries: dict[str, dict[str, Entry]] = {}
         mounts: dict[str, Floats] = {}
@@ -175,7 +180,8 @@ class Profile:
             raise ConfigError(f"{where}: maps no signal; see `roadlog profile new --help`")
         clock = dict(clocks).get("", Clock())
         per_file = tuple((pattern, clock) for pattern, clock in clocks if pattern)
-        return cls(name, text, clock, entries, mounts, measured=measured, clocks=per_file)
+        named = tuple(needs)
+        return cls(name, text, clock, entries, mounts, False, measured, per_file, named)
 
     @property
     def names(self) -> set[str]:
@@ -226,6 +232,8 @@ def fitting(names: Set[str]) -> Profile | None:
     for name in shipped():
         profile = Profile.load(name)
         entries = list(profile)
+        if profile.needs and names.isdisjoint(profile.needs):
+            continue
         found = sum(any(source in names for source in entry.sources) for entry in entries)
         if found >= min(len(entries), FITTING):
             best.append((found, profile))

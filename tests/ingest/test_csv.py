@@ -9,6 +9,8 @@ import pytest
 
 from roadlog.errors import ConfigError, LogReadError
 from roadlog.ingest import ingest
+from roadlog.ingest.drafting.starter import starter
+from roadlog.ingest.profile import Profile
 
 PROFILE = """
 [time]
@@ -106,3 +108,37 @@ def test_two_files_of_one_drive_are_joined(tmp_path):
     profile.write_text(PROFILE.format(unit='unit = "s"'))
     result = ingest([tmp_path / "b.csv", tmp_path / "a.csv"], profile)
     np.testing.assert_array_equal(result.tables[0].columns["v"], [1, 2, 3, 4])
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "AccelX (m/s^2),AccelY (m/s^2),AccelZ (m/s^2)",
+        "Latitude (deg),Longitude (deg),Altitude (m),Pitch (deg),Roll (deg)",
+        "Lat,Long,Alt(m),Speed(m/s)",
+        "RollRate,PitchRate,YawRate,GPS Speed",
+        "latitude,longitude,heading,velocity,height",
+        "AccelerationX,AccelerationY,AccelerationZ,Latitude",
+    ],
+)
+def test_names_that_many_loggers_use_are_no_vendors(tmp_path, names):
+    path = tmp_path / "drive.csv"
+    row = ",1" * len(names.split(","))
+    path.write_text(f"time,{names}\n" + "".join(f"{k / 10}{row}\n" for k in range(50)))
+    with pytest.raises(ConfigError, match="say what its names mean with --profile"):
+        ingest([path])
+
+
+def test_a_long_table_of_any_names_gets_a_profile(tmp_path):
+    path = tmp_path / "drive.csv"
+    rows = "".join(
+        f"{k / 10},VehicleSpeed,{50 + k / 10},km/h\n{k / 10 + 0.01},Level,{k % 7},l\n"
+        for k in range(100)
+    )
+    path.write_text("timestamp,signal,value,unit\n" + rows)
+    profile = Profile.from_toml(starter([path]), "new")
+    (table,) = ingest([path], profile).tables
+    known = np.isfinite(table.columns["v"])
+    np.testing.assert_allclose(table.columns["v"][known] * 3.6, 50 + np.arange(100) / 10)
+    with pytest.raises(ConfigError, match="say what its names mean with --profile"):
+        ingest([path])

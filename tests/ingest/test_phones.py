@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from support.phone_drive import EPOCH
 from support.phone_formats import APPS, DRIVE, phyphox
+from support.phone_variants import VARIANTS
 
 from roadlog import checks, estimators
 from roadlog.car.vehicle import Vehicle
@@ -17,9 +18,10 @@ from roadlog.ingest.drafting.starter import starter
 from roadlog.ingest.formats import times
 from roadlog.ingest.profile import Profile
 
+APPS = {**APPS, **VARIANTS}
 WITH_GYRO = {name for name in APPS if name.split("_")[0] in ("phyphox", "sensor", "sensorlog")}
 WITH_GYRO |= {"androsensor", "physics_toolbox", "racechrono", "pvs", "gnsslogger"}
-WITHOUT_IMU = {"car_scanner", "obd_fusion"}
+WITHOUT_IMU = {"car_scanner", "obd_fusion", "gpslogger"}
 
 
 def table(result: IngestResult, topic: str):

@@ -33,6 +33,7 @@ BUILT_IN = (
     "aim",
     "gnsslogger",
     "phone",
+    "long_table",
     "csv",
 )
 

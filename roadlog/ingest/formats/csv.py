@@ -119,6 +119,8 @@ def rows(
         for n in found.names
         if n != clock
     }
+    if reading.headers:
+        notes.append(f"{path.name}: {reading.headers} rows are the names again, left out")
     frame = Frame("", path.name, time, columns, found.units)
     return Recording((frame,), (*reading.losses(), *losses), tuple(notes))
 
@@ -138,6 +140,7 @@ class _Reading:
         self.rows = self.bad = self.odd = self.timeless = 0
         self.numbers = [0] * len(wanted)
         self.texts: dict[int, tuple[int, str, int]] = {}  # place -> row, text, count
+        self.headers = 0  # rows of the names again: the logger began anew
         self.rest = b""
         self.room: tuple[NDArray, ...] = ()
 
@@ -188,14 +191,17 @@ class _Reading:
             keep = np.zeros(rows, np.bool_)
         else:
             keep = self.clock.add(raw, str(self.path))
-        self.timeless += int(rows - keep.sum())
+        strange = np.flatnonzero(~keep & (time == numbers.TEXT)).tolist()
+        again = {row for row in strange if text(row, 0) == self.wanted[0]}
+        self.headers += len(again)
+        self.timeless += int(rows - keep.sum()) - len(again)
         for place, spool in enumerate(self.columns, 1):
             column = values[:, place]
             odd = np.flatnonzero(kinds[:, place] == numbers.TEXT)
             self.numbers[place] += int((kinds[:, place] != numbers.BLANK).sum()) - len(odd)
             for row in odd.tolist():
                 word = text(row, place)
-                if word.lower() not in NOTHING:
+                if word.lower() not in NOTHING and row not in again:
                     first = self.texts.get(place, (self.rows + row + 1, word, 0))
                     self.texts[place] = (*first[:2], first[2] + 1)
             spool.append(column if keep.all() else column[keep])

@@ -8,6 +8,7 @@ altitude at 1 Hz.
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,13 +16,16 @@ import numpy as np
 
 from roadlog.errors import ConfigError, LogReadError
 from roadlog.ingest.formats import times
+from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.csv_layout import Layout, layout
 from roadlog.ingest.frame import Frame, Recording
+from roadlog.ingest.profile import Profile
 
 TIME = ("seconds", "time", "timestamp", "t", "datetime", "time_ms", "time_s")
 NAME = ("pid", "name", "signal", "sensor", "parameter", "channel", "variable", "key", "metric")
 VALUE = ("value", "values", "val")
 UNIT = ("units", "unit")
+HEAD = 1 << 18  # bytes of the first rows, which tell the names
 STILL = 1_000_000_000  # ns
 POSITION = ("latitude", "longitude", "longtitude")
 
@@ -40,11 +44,31 @@ def recognizes(path: Path) -> bool:
     return min(_column(names, among) for among in (TIME, NAME, VALUE)) >= 0
 
 
-def read(path: Path) -> Recording:
-    """One frame a name, its column `NAME (unit)`, and one of the positions.
+def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
+    """Those of the first rows, as `NAME (unit)`, and of the positions; none of another table."""
+    del dbc
+    if not recognizes(path):
+        return set()
+    found = layout(path)
+    with path.open("rb") as file:
+        file.seek(found.start)
+        lines = file.read(HEAD).decode(found.encoding, "replace").splitlines()[:-1]
+    name, unit = (_column(found.names, k) for k in (NAME, UNIT))
+    rows = [r for r in csv.reader(lines, delimiter=found.delimiter) if len(r) > max(name, unit)]
+    position = [n for n in found.names if n.lower() in POSITION]
+    return {_named(row, name, unit) for row in rows} | set(position)
+
+
+def _named(row: Sequence[str], name: int, unit: int) -> str:
+    return f"{row[name]} ({row[unit]})" if unit >= 0 and row[unit] else row[name]
+
+
+def read(path: Path, profile: Profile | None = None, dbc: Sequence[Path] = ()) -> Recording:
+    """One frame, each name its column `NAME (unit)`, and the positions.
 
     Raises LogReadError where no row has a time and a number.
     """
+    del profile, dbc
     found = layout(path)
     time, name, value, unit = (_column(found.names, k) for k in (TIME, NAME, VALUE, UNIT))
     series: dict[str, tuple[list[str], list[float]]] = {}
@@ -54,7 +78,7 @@ def read(path: Path) -> Recording:
     for row in _rows(path, found):
         try:
             number = float(row[value].replace(",", "."))
-            key = f"{row[name]} ({row[unit]})" if unit >= 0 and row[unit] else row[name]
+            key = _named(row, name, unit)
             stamps, values = series.setdefault(key, ([], []))
             moment = row[time]
         except (ValueError, IndexError):
@@ -118,3 +142,12 @@ def _merged(frames: list[Frame]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
             columns[name] = np.full(len(time), np.nan)
             columns[name][rows] = values
     return time, columns
+
+
+FORMAT = Format(
+    name="long_table",
+    about="long tables",
+    recognizes=recognizes,
+    read=read,
+    names=names,
+)

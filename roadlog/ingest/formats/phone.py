@@ -24,11 +24,11 @@ from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.csv_layout import layout
 from roadlog.ingest.formats.magic import begins
 from roadlog.ingest.formats.parsers import guarded
-from roadlog.ingest.formats.phone_apps import APPS, GRAVITY, STATED, App
+from roadlog.ingest.formats.phone_apps import APPS, GRAVITY, GRAVITY_FRAME, STATED, App
 from roadlog.ingest.formats.pocket import UNITS, frame, pressure_altitude
 from roadlog.ingest.frame import Frame, Recording
 from roadlog.ingest.profile import Clock, Everything, Profile
-from roadlog.types import Floats
+from roadlog.types import Floats, Stamps
 from roadlog.units import STANDARD_GRAVITY, canonical, to_si
 
 NEAR_GRAVITY = 0.15  # share by which the median specific force may miss 1 g (bias, grade)
@@ -48,7 +48,9 @@ def recognizes(path: Path) -> bool:
     if begins(path, JSON):
         with path.open("rb") as file:
             return b'"seconds_elapsed"' in file.read(4096)
-    return path.is_file() and (_app_of_file(path) is not None or long_table.recognizes(path))
+    if not path.is_file():
+        return False
+    return bool(_app_of_file(path) or _app_of([*long_table.names(path), "seconds"], ""))
 
 
 def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
@@ -84,11 +86,23 @@ Found = tuple[App, str, Frame]  # an app's table, what it is called, and its row
 
 
 def _chosen(found: Sequence[Found]) -> tuple[list[Frame], list[str]]:
-    """The vocabulary's frames: of several tables for one the first with gravity, by rank."""
+    """The vocabulary's frames: of several tables for one the first with gravity, by rank.
+
+    Of accelerations without it, and what was taken off in a table of its own, the sum.
+    """
     frames: dict[str, Frame] = {}
     notes = []
-    for app, sheet, rows in sorted(found, key=lambda item: item[0].rank):
-        for name, columns in _translated(app, rows).items():
+    translated = [
+        (app, sheet, rows, name, columns)
+        for app, sheet, rows in sorted(found, key=lambda item: item[0].rank)
+        for name, columns in _translated(app, rows).items()
+    ]
+    off = {a.name: (rows, c) for a, _, rows, name, c in translated if name == GRAVITY_FRAME}
+    for app, sheet, rows, name, columns in translated:
+        if name != GRAVITY_FRAME:
+            if name == "accelerometer" and _gravity(columns) is None and app.name in off:
+                columns = _with_gravity(rows.time, columns, *off[app.name])
+                notes.append(f"{sheet}: gravity, which stands apart, is added to it")
             if name == "accelerometer" and (scale := _gravity(columns)) != 1.0:
                 if scale is None:
                     notes.append(f"{sheet}: its accelerations hold no gravity; not used")
@@ -99,6 +113,13 @@ def _chosen(found: Sequence[Found]) -> tuple[list[Frame], list[str]]:
                 made = frame(name, file, rows.time, columns)
                 frames |= {name: made} if made.columns else {}
     return list(frames.values()), notes
+
+
+def _with_gravity(
+    time: Stamps, columns: dict[str, Floats], rows: Frame, gravity: dict[str, Floats]
+) -> dict[str, Floats]:
+    """Specific force: the acceleration and gravity, interpolated to its stamps."""
+    return {c: v + np.interp(time, rows.time, gravity[c]) for c, v in columns.items()}
 
 
 def _translated(app: App, rows: Frame) -> dict[str, dict[str, Floats]]:
@@ -115,7 +136,7 @@ def _translated(app: App, rows: Frame) -> dict[str, dict[str, Floats]]:
         elif unit != GRAVITY:
             stated = re.findall(r"\(([^()]*)\)", _folded(column))[-1] if unit == STATED else unit
             values = values * (to_si(canonical(stated), UNITS[target]))
-        if name == "accelerometer":
+        if name in ("accelerometer", GRAVITY_FRAME):
             values = app.sign * values
         if field.endswith("accuracy") or field in ("speed", "course"):
             values = np.where(values < 0, np.nan, values)  # iOS says -1 where it does not know
@@ -130,11 +151,9 @@ def _translated(app: App, rows: Frame) -> dict[str, dict[str, Floats]]:
 def _gravity(columns: dict[str, Floats]) -> float | None:
     """The factor that makes the median force one of gravity; None where there is none in it."""
     size = float(np.linalg.norm([np.nanmedian(v) for v in columns.values()]))
-    if size < 0.5 * NEAR_GRAVITY * STANDARD_GRAVITY:
-        return None
     if abs(size - 1.0) < NEAR_GRAVITY:
         return STANDARD_GRAVITY
-    return 1.0
+    return None if size < 0.5 * STANDARD_GRAVITY else 1.0
 
 
 def _app_of(columns: Sequence[str], sheet: str, with_sheet: bool = False) -> list[App]:

@@ -2,8 +2,9 @@
 
 phyphox (CSV, xlsx, zip), Sensor Logger (CSV, JSON, zip; Android and iOS), SensorLog (iOS),
 AndroSensor, Physics Toolbox, Torque, Car Scanner (long and wide), OBD Fusion, TrackAddict 4.3.5,
-RaceChrono CSV v2 and v3 (9.1.3), UAH-DriveSet v1, PVS (Menegazzo 2020). By their published
-descriptions and public files; tried with files made after these, none of them recorded by us.
+RaceChrono CSV v2 and v3 (9.1.3), GPSLogger (mendhak), UAH-DriveSet v1, PVS (Menegazzo 2020). By
+their published descriptions and public files; tried with files made after these, none of them
+recorded by us.
 
 Accelerometers of Android show the reaction (+9.81 up at rest); those of iOS the opposite, in g.
 Rates: IMU 10 to 400 Hz as chosen in the app, location 1 Hz, OBD one row for each answer.
@@ -15,6 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 GRAVITY = "by gravity"  # unit: m/s2 or g, whichever makes the mean that of gravity
+GRAVITY_FRAME = "gravity"  # what an app takes off its accelerations, in a table of its own
 STATED = "in brackets"  # unit: as the name says in brackets
 
 
@@ -86,6 +88,7 @@ APPS = (
         rank=1,
     ),
     App("Sensor Logger", _LOGGER, _xyz("@", _ACCEL, GRAVITY), sheet="accelerometer", rank=2),
+    App("Sensor Logger", _LOGGER, _xyz("@", GRAVITY_FRAME, GRAVITY), sheet="gravity"),
     App("Sensor Logger", _LOGGER, _xyz("@", _GYRO, "rad/s"), sheet="gyroscope"),
     App("Sensor Logger", _LOGGER, _xyz("@", _GYRO, "rad/s"), sheet="gyroscopeuncalibrated", rank=1),
     App(
@@ -112,20 +115,20 @@ APPS = (
     ),
     App(
         "SensorLog",
-        (("loggingtime\\(txt\\)", ""), ("accelerometertimestamp_sincereboot\\(s\\)", "s")),
-        _xyz("accelerometeracceleration@\\(g\\)", _ACCEL, "g")
-        | _xyz("(gyrorotation|motionrotationrate)@\\(rad/s\\)", _GYRO, "rad/s")
+        (("loggingtime(\\(txt\\))?", ""), ("accelerometertimestamp_sincereboot(\\(s\\))?", "s")),
+        _xyz("accelerometeracceleration@(\\(g\\))?", _ACCEL, "g")
+        | _xyz("(gyrorotation|motionrotationrate)@(\\(rad/s\\))?", _GYRO, "rad/s")
         | {
-            "locationlatitude\\(wgs84\\)": ("location.latitude", "deg"),
-            "locationlongitude\\(wgs84\\)": ("location.longitude", "deg"),
-            "locationaltitude\\(m\\)": ("location.altitude", "m"),
-            "locationspeed\\(m/s\\)": ("location.speed", "m/s"),
-            "locationcourse\\(°\\)": ("location.course", "deg"),
-            "locationhorizontalaccuracy\\(m\\)": ("location.horizontal_accuracy", "m"),
-            "locationverticalaccuracy\\(m\\)": ("location.vertical_accuracy", "m"),
-            "altimeterrelativealtitude\\(m\\)": ("barometer.altitude", "m"),
+            "locationlatitude(\\(wgs84\\))?": ("location.latitude", "deg"),
+            "locationlongitude(\\(wgs84\\))?": ("location.longitude", "deg"),
+            "locationaltitude(\\(m\\))?": ("location.altitude", "m"),
+            "locationspeed(\\(m/s\\))?": ("location.speed", "m/s"),
+            "locationcourse(\\(°\\))?": ("location.course", "deg"),
+            "locationhorizontalaccuracy(\\(m\\))?": ("location.horizontal_accuracy", "m"),
+            "locationverticalaccuracy(\\(m\\))?": ("location.vertical_accuracy", "m"),
+            "altimeterrelativealtitude(\\(m\\))?": ("barometer.altitude", "m"),
         },
-        needs="loggingtime\\(txt\\)",
+        needs="loggingtime(\\(txt\\))?",
         sign=-1.0,
     ),
     App(
@@ -227,6 +230,19 @@ APPS = (
             "long(t)?itude": ("location.longitude", "deg"),
         },
         needs="vehicle speed \\((km/h|mph)\\)",
+    ),
+    App(
+        "GPSLogger",
+        (("time", ""),),
+        {
+            "lat": ("location.latitude", "deg"),
+            "lon": ("location.longitude", "deg"),
+            "elevation": ("location.altitude", "m"),
+            "speed": ("location.speed", "m/s"),
+            "bearing": ("location.course", "deg"),
+            "accuracy": ("location.horizontal_accuracy", "m"),
+        },
+        needs="provider",
     ),
     App(
         "PVS",
