@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import struct
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import zstandard
 from support.drive_formats import IMU, SPEED, TIME, write_ros1, write_ros2
 
+from roadlog.errors import RoadlogError
 from roadlog.ingest import ingest
 
 rosbags = pytest.importorskip("rosbags")
@@ -42,6 +44,34 @@ def test_ros1_bag_that_is_still_recorded_and_cut(tmp_path):
     assert 0.3 * len(TIME) < rows < 0.6 * len(TIME)
     assert any("it is cut off at byte" in x and "before are kept" in x for x in result.losses)
     check(active, rows)
+
+
+def test_ros1_bag_whose_index_is_not_that_of_its_chunk(tmp_path):
+    """Where an index does not fit, the records themselves are gone through."""
+    bag = bytearray(write_ros1(tmp_path / "drive.bag", chunk=4096).read_bytes())
+    place = len(b"#ROSBAG V2.0\n")
+    while True:  # header and data of each record, after their lengths
+        head = int.from_bytes(bag[place : place + 4], "little")
+        data = place + 8 + head
+        if b"op=\x04" in bag[place : place + 4 + head]:
+            break
+        place = data + int.from_bytes(bag[data - 4 : data], "little")
+    bag[data + 8 : data + 12] = (7).to_bytes(4, "little")  # behind the time of the first entry
+    (tmp_path / "false.bag").write_bytes(bytes(bag))
+    check(tmp_path / "false.bag")
+
+
+def test_a_damaged_ros1_bag_is_one_error_or_read(tmp_path):
+    whole = write_ros1(tmp_path / "drive.bag", chunk=4096).read_bytes()
+    chance = np.random.default_rng(5)
+    path = tmp_path / "hurt.bag"
+    for _ in range(10):
+        hurt = bytearray(whole)
+        for place in chance.integers(13, len(whole), 3).tolist():
+            hurt[place] = int(chance.integers(256))
+        path.write_bytes(bytes(hurt[: int(chance.integers(len(whole) // 2, len(whole)))]))
+        with suppress(RoadlogError):
+            ingest([path])
 
 
 def test_ros1_bag_of_version_1_2(tmp_path):

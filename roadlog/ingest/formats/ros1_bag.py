@@ -8,24 +8,45 @@ from __future__ import annotations
 
 import bz2
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
-from itertools import takewhile
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from roadlog.errors import LogReadError
 from roadlog.ingest.formats.bags import Bag, Batch, Connection, collected
 from roadlog.storage.records import Schema
+from roadlog.types import Stamps
 
 BEGINNINGS = (b"#ROSBAG V2.0\n", b"#ROSBAG V1.2\n")
-DEFINITION, MESSAGE, CHUNK, CONNECTION = 0x01, 0x02, 0x05, 0x07
-LATE = 10**9  # ns by which a message may follow one that is newer
+DEFINITION, MESSAGE, INDEX, CHUNK, CONNECTION = 0x01, 0x02, 0x04, 0x05, 0x07
+ENTRY = np.dtype([("time", "<u8"), ("at", "<u4")])  # of an index: where in the chunk
+PLAIN = 1 << 16  # messages outside chunks that are kept together
+NS = 10**9
+LATE = NS  # ns by which a message may follow one that is newer
 LARGEST = 1 << 30  # bytes of a record; a longer one is a damaged length
 DAMAGED = (struct.error, KeyError, ValueError, OSError, EOFError, RuntimeError)
 
 
 class Cut(Exception):
     """The bytes end within a record."""
+
+
+class _Listed(NamedTuple):
+    """Messages of a connection in a chunk: ns, and where records and payloads begin and end."""
+
+    connection: int
+    stamps: Stamps
+    starts: Stamps
+    bodies: Stamps
+    ends: Stamps
+
+    def payloads(self, data: bytes) -> list[bytes]:
+        places = zip(self.bodies.tolist(), self.ends.tolist(), strict=True)
+        return [data[start:end] for start, end in places]
 
 
 @dataclass
@@ -37,13 +58,12 @@ class Ros1Bag(Bag):
     )  # of connections of version 1.2, by topic
 
     def __post_init__(self) -> None:
-        last = None
-        for connection, stamp, _ in self._rows():
+        for connection, stamps, _ in self._batches(set()):
             if connection in self.connections:
-                self.connections[connection].count += 1
-            last = stamp
-            self.start_ns = stamp if self.start_ns is None else min(self.start_ns, stamp)
-        if last is None:
+                self.connections[connection].count += len(stamps)
+            first = int(stamps.min())
+            self.start_ns = first if self.start_ns is None else min(self.start_ns, first)
+        if self.start_ns is None:
             what = self.losses[0] if self.losses else "holds no message"
             raise LogReadError(f"{self.path}: cannot be read as a ROS bag: {what}")
         count = sum(c.count for c in self.connections.values())
@@ -51,86 +71,109 @@ class Ros1Bag(Bag):
 
     def batches(self, connections: set[int], end_ns: int | None = None) -> Iterator[Batch]:
         """As they come; a bag is recorded in order of time, but for a little."""
-        rows = self._rows()
-        if end_ns is not None:
-            rows = takewhile(lambda row: row[1] < end_ns + LATE, rows)
-        yield from collected(row for row in rows if row[0] in connections)
+        for batch in self._batches(connections):
+            if end_ns is not None and batch.stamps.min() >= end_ns + LATE:
+                return
+            if batch.connection in connections:
+                yield batch
 
-    def _rows(self) -> Iterator[tuple[int, int, bytes]]:
-        """(connection, ns, payload); ends with a loss where the bag is cut or damaged."""
+    def _batches(self, wanted: set[int]) -> Iterator[Batch]:
+        """All messages, payloads of wanted connections; a loss where the bag is cut or damaged."""
         size = self.path.stat().st_size
         with self.path.open("rb") as file:
             file.seek(len(BEGINNINGS[0]))
             place = file.tell()
+            chunk: tuple[bytes, dict[int, bytes]] | None = None  # and its indexes, which follow it
+            plain: list[tuple[int, int, bytes]] = []  # messages outside chunks
             try:
                 while place < size:
                     place = file.tell()
-                    yield from self._record(file)
+                    fields, data = _record(file)
+                    kind = fields[b"op"][0] if fields else None
+                    if kind == INDEX and chunk is not None:
+                        chunk[1][_connection(fields)] = data
+                        continue
+                    if chunk is not None:
+                        done, chunk = chunk, None
+                        yield from self._in_chunk(*done, wanted)
+                    if kind == CHUNK:
+                        chunk = _inflated(fields, data), {}
+                    elif kind is not None:
+                        plain += self._outside(kind, fields, data)
+                    if len(plain) >= PLAIN or (plain and place >= size):
+                        yield from collected(plain)
+                        plain = []
             except (Cut, *DAMAGED) as error:
+                if chunk is not None:
+                    with suppress(Cut, *DAMAGED):
+                        yield from self._in_chunk(*chunk, wanted)
                 why = "is cut off" if isinstance(error, Cut) else f"is damaged ({error})"
                 loss = f"it {why} at byte {place} of {size}"
                 if not any(known.startswith(loss) for known in self.losses):
                     self.losses.append(loss)
+            yield from collected(plain)
 
-    def _record(self, file: object) -> Iterator[tuple[int, int, bytes]]:
-        """The messages of the next record of the file."""
-        head = _block(file)
-        if head is None:
-            return
-        fields = _fields(head)
-        kind = fields[b"op"][0]
-        data = _block(file)
-        if data is None:
-            raise Cut
-        if kind == CHUNK:
-            yield from self._chunk(_inflated(fields, data))
-        elif kind == CONNECTION:
+    def _outside(
+        self, kind: int, fields: dict[bytes, bytes], data: bytes
+    ) -> list[tuple[int, int, bytes]]:
+        """A record that is in no chunk; its message."""
+        if kind == CONNECTION:
             self._declare(fields, data)
         elif kind == DEFINITION:
             topic = fields[b"topic"].decode()
             number = self._numbers.setdefault(topic, len(self._numbers))
             self._add(number, topic, fields[b"type"].decode(), fields.get(b"def", data))
         elif kind == MESSAGE and b"topic" in fields:
-            stamp = struct.unpack("<I", fields[b"sec"])[0] * 10**9
+            stamp = struct.unpack("<I", fields[b"sec"])[0] * NS
             stamp += struct.unpack("<I", fields[b"nsec"])[0]
-            yield self._numbers[fields[b"topic"].decode()], stamp, data
+            return [(self._numbers[fields[b"topic"].decode()], stamp, data)]
         elif kind == MESSAGE:
-            yield _connection(fields), _stamp(fields[b"time"]), data
+            return [(_connection(fields), _stamp(fields[b"time"]), data)]
+        return []
 
-    def _chunk(self, data: bytes) -> Iterator[tuple[int, int, bytes]]:
-        """The messages of a chunk. Their headers look alike but for connection and time."""
-        place, end = 0, len(data)
-        unpack = struct.Struct("<I").unpack_from
-        layouts: dict[tuple[int, bytes], tuple[int, int]] = {}
-        while place < end:
-            size = unpack(data, place)[0]
-            start = place + 4
-            body = start + size
-            length = unpack(data, body)[0]
-            place = body + 4 + length
-            if place > end:
-                raise Cut
-            key = size, data[start : start + 8]
-            known = layouts.get(key)
-            if known is None:
-                head = data[start:body]
+    def _in_chunk(
+        self, data: bytes, indexes: dict[int, bytes], wanted: set[int]
+    ) -> Iterator[Batch]:
+        """By its indexes where they fit the records, else one record after the other."""
+        listed = [_listed(data, *index) for index in indexes.items()]
+        found = [places for places in listed if places is not None]
+        if len(found) < len(listed) or not self._is_all(data, found):
+            yield from collected(self._walk(data))
+            return
+        for own in found:
+            payloads = own.payloads(data) if own.connection in wanted else []
+            yield Batch(own.connection, own.stamps, payloads)
+
+    def _is_all(self, data: bytes, found: Sequence[_Listed]) -> bool:
+        """Whether nothing but declarations lies between messages; these are noted."""
+        firsts = np.sort(np.concatenate([[len(data)], *(own.starts for own in found)]))
+        lasts = np.sort(np.concatenate([[0], *(own.ends for own in found)]))
+        if (firsts < lasts).any():
+            return False
+        for k in np.flatnonzero(firsts > lasts).tolist():
+            place, end = int(lasts[k]), int(firsts[k])
+            while place < end:
+                head = _part(data, place)
+                body = _part(data, place + 4 + len(head))
                 fields = _fields(head)
-                if fields[b"op"][0] == CONNECTION:
-                    self._declare(fields, data[body + 4 : place])
-                    continue
-                if fields[b"op"][0] != MESSAGE:
-                    continue
-                known = layouts[key] = (head.index(b"conn=") + 5, head.index(b"time=") + 5)
-            elif data[start + known[1] - 5 : start + known[1]] != b"time=":
-                del layouts[key]
-                place = start - 4
-                continue
-            seconds, rest = struct.unpack_from("<II", data, start + known[1])
-            yield (
-                unpack(data, start + known[0])[0],
-                seconds * 10**9 + rest,
-                data[body + 4 : place],
-            )
+                if fields[b"op"][0] != CONNECTION:
+                    return False
+                self._declare(fields, body)
+                place += 8 + len(head) + len(body)
+        return True
+
+    def _walk(self, data: bytes) -> Iterator[tuple[int, int, bytes]]:
+        """The messages of a chunk."""
+        place = 0
+        while place < len(data):
+            head = _part(data, place)
+            body = _part(data, place + 4 + len(head))
+            place += 8 + len(head) + len(body)
+            fields = _fields(head)
+            if fields[b"op"][0] == CONNECTION:
+                self._declare(fields, body)
+            elif fields[b"op"][0] == MESSAGE:
+                yield _connection(fields), _stamp(fields[b"time"]), body
 
     def _declare(self, fields: dict[bytes, bytes], data: bytes) -> None:
         own = _fields(data)
@@ -146,6 +189,58 @@ class Ros1Bag(Bag):
 def open_bag(path: Path) -> Ros1Bag:
     """A bag of the disk. Raises LogReadError."""
     return Ros1Bag(path)
+
+
+def _record(file: object) -> tuple[dict[bytes, bytes], bytes]:
+    """The header and the data of the next record; none at the end of the file. Raises Cut."""
+    head = _block(file)
+    if head is None:
+        return {}, b""
+    data = _block(file)
+    if data is None:
+        raise Cut
+    return _fields(head), data
+
+
+def _part(data: bytes, place: int) -> bytes:
+    """A length and as many bytes, of a chunk. Raises Cut."""
+    size = struct.unpack_from("<I", data, place)[0]
+    part = data[place + 4 : place + 4 + size]
+    if len(part) < size:
+        raise Cut
+    return part
+
+
+def _listed(data: bytes, connection: int, index: bytes) -> _Listed | None:
+    """The messages of a connection by a chunk's index.
+
+    None where the records are not such messages, all with headers alike but for their time.
+    """
+    at = np.frombuffer(index, ENTRY)["at"].astype(np.int64)
+    if not len(at) or at.max() + 8 > len(data):
+        return None
+    words = np.ndarray((len(data) - 3,), "<u4", data, 0, (1,))
+    size = int(words[at[0]])
+    head = data[at[0] + 4 : at[0] + 4 + size]
+    try:
+        fields = _fields(head)
+        is_message = fields[b"op"][0] == MESSAGE and _connection(fields) == connection
+    except (KeyError, ValueError):
+        return None
+    body = at + 4 + size
+    if not is_message or (words[at] != size).any() or body.max() + 4 > len(data):
+        return None
+    ends: Stamps = body + 4 + words[body]
+    if ends.max() > len(data):
+        return None
+    heads = np.ndarray((len(data) - size + 1,), f"V{size}", data, 0, (1,))[at + 4]
+    matrix = heads.view(np.uint8).reshape(-1, size).copy()
+    time = head.index(b"time=") + 5
+    stamps = matrix[:, time : time + 8].copy().view("<u4").astype(np.int64)
+    matrix[:, time : time + 8] = 0
+    if (matrix != matrix[0]).any():
+        return None
+    return _Listed(connection, stamps[:, 0] * NS + stamps[:, 1], at, body + 4, ends)
 
 
 def _block(file: object) -> bytes | None:
@@ -183,7 +278,7 @@ def _connection(fields: dict[bytes, bytes]) -> int:
 
 def _stamp(value: bytes) -> int:
     seconds, rest = struct.unpack("<II", value)
-    return seconds * 10**9 + rest
+    return seconds * NS + rest
 
 
 def _inflated(fields: dict[bytes, bytes], data: bytes) -> bytes:
