@@ -73,10 +73,8 @@ def report(
 
     Example: roadlog report drives/ "more/*.mcap" -o report --jobs 4
     """
-    from roadlog.report import page
     from roadlog.report.run import check_other, finish, read_report
 
-    page.require()
     if write_back and profile:
         raise typer.BadParameter("needs MCAP logs, not --profile", param_hint="--write-back")
     if jobs is not None and cluster:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from roadlog.errors import ConfigError, MissingExtraError
+from roadlog.errors import ConfigError
 from roadlog.files import write
 from roadlog.report.detail import numbers, script_json
 from roadlog.report.row import STATUSES, Options
@@ -36,15 +36,6 @@ SHOWN_ROADS, ROAD_POINTS = 60, 9000  # stretches, and points of them all; the ta
 SHOWN_CHANGES = 200
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)  # of a ranking's RMSEs
 FIGURES = {"rmse": "rmse_deg", "bias": "bias_deg", "inside": "within_2sd", "valid": "valid_share"}
-
-
-def require() -> None:
-    """Raises MissingExtraError when pages cannot be made here."""
-    try:
-        import jinja2  # noqa: F401
-        import plotly  # noqa: F401
-    except ImportError as error:
-        raise MissingExtraError("roadlog report", "report") from error
 
 
 def write_assets(folder: Path) -> None:

@@ -14,6 +14,19 @@ from roadlog.units import DEG
 
 OFFSET_LIMIT = 0.15 * DEG  # sd of the mean of grade or bank, beyond which it is not observable
 LEARNED = 0.7  # a constant whose sd is this share of its prior's was found in the drive
+# beginning of a constant's name -> its unit for people, and how many of it are one SI unit
+SHOWN = {
+    "gyro_bias": ("deg/s", 1 / DEG),
+    "accel_bias": ("m/s2", 1.0),
+    "mounting": ("deg", 1 / DEG),
+    "speed_scale": ("%", 100.0),
+    "speed_delay": ("s", 1.0),
+    "pitch_gradient": ("deg/(m/s2)", 1 / DEG),
+    "roll_gradient": ("deg/(m/s2)", 1 / DEG),
+    "slip_gradient": ("deg/(m/s2)", 1 / DEG),
+    "rear_axle_x": ("m", 1.0),
+    "speed_offset_y": ("m", 1.0),
+}
 NAMES = {
     Fix.EAST: "GNSS velocity",
     Fix.UP: "GNSS climb",
@@ -80,8 +93,9 @@ def _found(solution: Solution) -> list[str]:
         name = state.name.lower()
         value, sd = (solution.constants[key][0] for key in (name, f"{name}_sd"))
         if sd < LEARNED * prior[state]:
-            found.append(f"{name} {value:+.2g} +- {sd:.1g}")
-    return [f"estimated constants (SI units, 1 sd): {', '.join(found)}"] if found else []
+            unit, factor = next(shown for begin, shown in SHOWN.items() if name.startswith(begin))
+            found.append(f"{name} {factor * value:+.2g} ± {factor * sd:.1g} {unit}")
+    return [f"estimated constants (± 1 sd): {', '.join(found)}"] if found else []
 
 
 def _offsets(solution: Solution) -> list[str]:
