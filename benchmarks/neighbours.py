@@ -58,7 +58,7 @@ def _estimate(folder: Path, *, in_place: bool = False, out: str = "") -> None:
 
 def _export(folder: Path) -> None:
     with output(folder / "out.csv", [folder / LOG], force=True):
-        export(folder / LOG, folder / "out.csv", rate=10.0)
+        export(folder / LOG, folder / "out.csv", every="10Hz")
 
 
 def _ingest(folder: Path) -> None:

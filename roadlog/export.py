@@ -1,50 +1,40 @@
-"""A log's columns for other tools: CSV and Parquet, in one wide table, minute by minute.
+"""A log's columns for other tools, in one wide table, minute by minute.
 
 A row is a stamp at which any chosen channel has a message; a cell is empty where its channel has
-none there. On a grid (`rate`) every row has every signal, as estimators see it. Signals are named
+none there. On a grid (`every`) every row has every signal, as estimators see it. Signals are named
 by their role, so that `roadlog ingest` reads the file back; other columns are `/topic.field`.
 """
 
 from __future__ import annotations
 
-import io
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from roadlog.csv_text import csv_text
 from roadlog.drive import resample
-from roadlog.errors import ConfigError, LogReadError, MissingExtraError, near
+from roadlog.errors import ConfigError, LogReadError, near
+from roadlog.export_files import FORMATS, Column
 from roadlog.files import replacing
 from roadlog.for_viewers import is_for_viewers
+from roadlog.log import DriveLog
 from roadlog.signals import SECTIONS, SIGNALS, Signal
 from roadlog.storage import LogReader, Table
 from roadlog.types import Bools, Floats, Stamps
+from roadlog.units import DEG
 
-SUFFIXES = (".csv", ".parquet")
 WINDOW = 60 * 10**9  # ns written at a time
 MARGIN = 10 * 10**9  # ns beside a window that interpolation sees
-TIME = "time_ns"
 EMPTIEST = 100  # rows of a grid per message, beyond which a clock must have jumped
 FEW_ROWS = 100_000
 SLOWEST = 1.0  # Hz, of messages with their own times
 
+_STEP = re.compile(r"(\d+(?:\.\d*)?|\.\d+) *(s|m|Hz)")
+_RADIANS = re.compile(r"rad\b")
 _SECTION_OF = {section.topic: section.name for section in SECTIONS.values()}
-
-
-@dataclass(frozen=True)
-class Column:
-    """One column of the output: name, where it comes from, and its type."""
-
-    name: str
-    topic: str
-    field: str
-    dtype: np.dtype
 
 
 def export(
@@ -52,30 +42,74 @@ def export(
     out: Path,
     topics: Sequence[str] = (),
     roles: Sequence[str] = (),
-    rate: float | None = None,
+    every: str = "",
+    degrees: bool = False,
 ) -> tuple[int, list[Column], list[str]]:
-    """Write chosen channels of a log to a CSV or Parquet file, whole or not at all.
+    """Write chosen channels of a log to a file, whole or not at all; its ending tells the format.
 
-    topics, roles: what to take, default all channels but those for other viewers. rate: Hz of a
-    common grid from the first message; None keeps the messages' own times. Returns rows, columns,
-    losses. Raises LogReadError, LogWriteError, ConfigError for a name that is not there.
+    topics, roles: what to take, default all channels but those for other viewers. every: a common
+    grid from the first message, `1s`, `10m` along the way, `50Hz`; empty keeps the messages' own
+    times. degrees: instead of radians. Returns rows, columns, losses. Raises LogReadError,
+    LogWriteError, ConfigError for a name that is not there.
     """
-    if out.suffix.lower() not in SUFFIXES:
-        raise ConfigError(f"{out}: write to a file that ends in {' or '.join(SUFFIXES)}")
+    if out.suffix.lower() not in FORMATS:
+        raise ConfigError(f"{out}: write to a file that ends in {', '.join(FORMATS)}")
+    step, unit = _step(every) if every else (0.0, "")
+    grid = _along(log, step) if unit == "m" else None
+    rate = {"": None, "m": SLOWEST, "s": 1 / (step or 1), "Hz": step}[unit]
     with LogReader(log) as reader:
         columns = _columns(reader, topics, roles)
+        if degrees:
+            columns = [_in_degrees(column) for column in columns]
         if reader.start_ns is None or reader.end_ns is None or not columns:
             raise LogReadError(f"{log}: nothing to export: the chosen channels hold no numbers")
         _check_span(reader, rate)
-        opened = _csv if out.suffix.lower() == ".csv" else _parquet
+        opened = FORMATS[out.suffix.lower()]
         rows = 0
-        with replacing(out) as file, opened(file, columns) as put:
+        with replacing(out) as file, opened(file, columns, reader.start_ns) as put:
             for start in _windows(reader, rate):
                 end = min(start + WINDOW, reader.end_ns + 1)
-                time, block = _block(reader, columns, start, end, rate)
+                time, block = _block(reader, columns, start, end, rate, grid)
                 rows += len(time)
-                put(time, block)
+                put(time, [_scaled(c, *cell) for c, cell in zip(columns, block, strict=True)])
         return rows, columns, list(reader.losses)
+
+
+def _step(text: str) -> tuple[float, str]:
+    """The number and its unit: s, m or Hz. Raises ConfigError."""
+    parts = _STEP.fullmatch(text.strip())
+    step = float(parts[1]) if parts else 0.0
+    if parts is None or not 1e-5 <= step <= 1e5:
+        raise ConfigError(f"every: '{text}' is no step: 1s, 0.1s, 10m along the way, or 50Hz")
+    return step, parts[2]
+
+
+def _along(log: Path, step: float) -> Stamps:
+    """Stamps at which the car has gone on by `step` m. Raises LogReadError without a speed."""
+    drive = DriveLog(log).drive()
+    if not drive.has_speed or not np.isfinite(drive.speed).any():
+        raise LogReadError(f"{log}: has no speed that would tell the way; give --every in s")
+    known = np.isfinite(drive.speed)
+    speed = np.interp(drive.time, drive.time[known], np.abs(drive.speed[known]))
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * drive.dt)])
+    marks = np.arange(0.0, way[-1], step)
+    place = np.searchsorted(way, marks)  # where it stands, the moment it comes to stand
+    before = np.maximum(place - 1, 0)
+    share = (marks - way[before]) / np.maximum(way[place] - way[before], 1e-12)
+    seconds = drive.time[before] + share * (drive.time[place] - drive.time[before])
+    stamps: Stamps = drive.start_ns + np.round(seconds * 1e9).astype(np.int64)
+    return stamps
+
+
+def _in_degrees(column: Column) -> Column:
+    """The same in degrees where it is in radians."""
+    if not _RADIANS.match(column.unit):
+        return column
+    return replace(column, unit=_RADIANS.sub("deg", column.unit), factor=1 / DEG)
+
+
+def _scaled(column: Column, values: NDArray, known: Bools) -> tuple[NDArray, Bools]:
+    return (values if column.factor == 1 else values * column.factor), known
 
 
 def _windows(reader: LogReader, rate: float | None) -> Iterator[int]:
@@ -113,6 +147,7 @@ def _check_span(reader: LogReader, rate: float | None) -> None:
 def _columns(reader: LogReader, topics: Sequence[str], roles: Sequence[str]) -> list[Column]:
     """Fields with any value, one topic in memory at a time."""
     there = {channel.topic for channel in reader.channels if channel.count}
+    units = {channel.topic: channel.metadata for channel in reader.channels}
     for topic in topics:
         if topic not in there:
             raise ConfigError(f"{reader.path}: no topic '{topic}'. {near(topic, there)}")
@@ -134,7 +169,8 @@ def _columns(reader: LogReader, topics: Sequence[str], roles: Sequence[str]) -> 
                 continue  # a field that the log does not know
             section_name = _SECTION_OF.get(topic)
             name = f"{section_name}.{field}" if section_name else f"{topic}.{field}"
-            found.append(Column(name, topic, field, values.dtype))
+            unit = SIGNALS[name].unit if name in SIGNALS else units[topic].get(f"unit.{field}", "")
+            found.append(Column(name, topic, field, values.dtype, unit))
     lacking = [r for r in roles if r not in {column.name for column in found}]
     if lacking:
         has = [c.name for c in found]
@@ -145,7 +181,12 @@ def _columns(reader: LogReader, topics: Sequence[str], roles: Sequence[str]) -> 
 
 
 def _block(
-    reader: LogReader, columns: Sequence[Column], start: int, end: int, rate: float | None
+    reader: LogReader,
+    columns: Sequence[Column],
+    start: int,
+    end: int,
+    rate: float | None,
+    marks: Stamps | None,
 ) -> tuple[Stamps, list[tuple[NDArray, Bools]]]:
     """Stamps of one window, and values of each column with where it has any."""
     margin = MARGIN if rate else 0
@@ -154,11 +195,9 @@ def _block(
         fields.setdefault(column.topic, []).append(column.field)
     tables = reader.read(fields, fields=fields, start_ns=start - margin, end_ns=end + margin)
     if rate:
-        origin = reader.start_ns or 0
-        first = -(-(start - origin) * rate // 1e9)
-        last = -(-(end - origin) * rate // 1e9)
-        grid = np.arange(first, last) / rate
-        time: Stamps = origin + np.round(grid * 1e9).astype(np.int64)
+        time = _grid(reader.start_ns or 0, start, end, rate)
+        if marks is not None:
+            time = marks[(marks >= start) & (marks < end)]
         return time, [_on_grid(tables[c.topic], c, time, start) for c in columns]
     keys = {topic: _keys(table.time) for topic, table in tables.items()}
     union = np.unique(np.concatenate(list(keys.values()))) if keys else np.empty(0, _KEY)
@@ -173,6 +212,14 @@ def _block(
             known[places[column.topic]] = True
         block.append((values, known))
     return union["time"].copy(), block
+
+
+def _grid(origin: int, start: int, end: int, rate: float) -> Stamps:
+    """Stamps of a grid from `origin` on in [start, end)."""
+    first = -(-(start - origin) * rate // 1e9)
+    last = -(-(end - origin) * rate // 1e9)
+    time: Stamps = origin + np.round(np.arange(first, last) / rate * 1e9).astype(np.int64)
+    return time
 
 
 _KEY = np.dtype([("time", np.int64), ("again", np.int64)])
@@ -202,50 +249,3 @@ def _on_grid(table: Table, column: Column, time: Stamps, start: int) -> tuple[ND
         result = (result + np.pi) % (2 * np.pi) - np.pi
     known = np.isfinite(result)
     return np.where(known, result, 0).astype(column.dtype), known
-
-
-Put = Callable[[Stamps, Sequence[tuple[NDArray, Bools]]], None]
-
-
-@contextmanager
-def _csv(file: IO[bytes], columns: Sequence[Column]) -> Iterator[Put]:
-    text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
-    text.write(csv_text([TIME, *(c.name for c in columns)], ()).rstrip() + "\n")
-
-    def put(time: Stamps, block: Sequence[tuple[NDArray, Bools]]) -> None:
-        cells = [list(map(str, time.tolist()))]
-        for values, known in block:
-            plain = (values.astype(np.int64) if values.dtype.kind == "b" else values).tolist()
-            # repr is the shortest text that gives the same number back
-            there = (known & np.isfinite(values)).tolist()
-            cells.append([repr(x) if k else "" for x, k in zip(plain, there, strict=True)])
-        text.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
-
-    yield put
-    text.flush()
-    text.detach()
-
-
-@contextmanager
-def _parquet(file: IO[bytes], columns: Sequence[Column]) -> Iterator[Put]:
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    except ImportError:
-        raise MissingExtraError("a Parquet file", "table") from None
-    fields = [pa.field(TIME, pa.int64())]
-    fields += [pa.field(c.name, pa.from_numpy_dtype(c.dtype), metadata=_unit(c)) for c in columns]
-    schema = pa.schema(fields)
-    with pq.ParquetWriter(file, schema, compression="zstd") as writer:
-
-        def put(time: Stamps, block: Sequence[tuple[NDArray, Bools]]) -> None:
-            arrays = [pa.array(time)]
-            arrays += [pa.array(values, mask=~known) for values, known in block]
-            writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
-
-        yield put
-
-
-def _unit(column: Column) -> Mapping[Any, Any] | None:
-    signal = SIGNALS.get(column.name)
-    return {"unit": signal.unit} if signal else None

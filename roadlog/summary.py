@@ -15,6 +15,7 @@ from roadlog.drive import Drive, stale_limit, without_strays
 from roadlog.errors import ConfigError, LogReadError
 from roadlog.for_viewers import is_for_viewers
 from roadlog.log import DriveLog
+from roadlog.outlook import Outlook, outlook
 from roadlog.signals import SECTIONS, SIGNALS, split_estimate_topic
 from roadlog.stamps import main_span
 from roadlog.storage import Channel, Table
@@ -76,7 +77,8 @@ class EstimatorSummary:
 class LogSummary:
     """Everything that `roadlog info` says.
 
-    profile: what the profile that made the log puts right. checks: what looks wrong.
+    profile: what the profile that made the log puts right. checks: what looks wrong, the most
+    harmful first. outlook: of each angle what to take and to expect, none without a drive.
     """
 
     log: str
@@ -86,6 +88,7 @@ class LogSummary:
     signals: list[SignalSummary]
     checks: list[Finding]
     estimators: list[EstimatorSummary]
+    outlook: list[Outlook]
 
 
 def summarize(log: DriveLog) -> LogSummary:
@@ -107,6 +110,8 @@ def summarize(log: DriveLog) -> LogSummary:
     except LogReadError as error:
         advice = "`roadlog profile new` maps others"
         found.append(Finding("no_drive", "fault", (), str(error), advice))
+    found.sort(key=lambda finding: finding.harm, reverse=True)
+    able = _estimators(drive, log)
     return LogSummary(
         str(log.path),
         duration,
@@ -114,7 +119,8 @@ def summarize(log: DriveLog) -> LogSummary:
         [_channel(channel, tables.get(channel.topic), duration) for channel in log.channels],
         _signals(tables),
         found,
-        _estimators(drive, log),
+        able,
+        outlook(drive, log.vehicle, [e.name for e in able if e.can_run]) if drive else [],
     )
 
 

@@ -47,22 +47,23 @@ def test_roles_and_topics_choose(log, tmp_path):
     export(log, out, topics=["/gnss"], roles=["imu.accel_x"])
     with out.open() as file:
         head = next(csv.reader(file))
-    assert head == ["time_ns", "gnss.latitude", "gnss.altitude", "gnss.speed", "imu.accel_x"]
+    assert head[:3] == ["time_ns", "time_s", "gnss.latitude [deg]"]
+    assert head[3:] == ["gnss.altitude [m]", "gnss.speed [m/s]", "imu.accel_x [m/s^2]"]
     with pytest.raises(ConfigError, match=r"no topic '/gns'. Close: /gnss"):
         export(log, out, topics=["/gns"])
     with pytest.raises(ConfigError, match=r"does not know fuel\.sender"):
         export(log, out, roles=["fuel.sender"])
-    with pytest.raises(ConfigError, match=r"ends in \.csv or \.parquet"):
-        export(log, tmp_path / "x.xlsx")
+    with pytest.raises(ConfigError, match=r"ends in \.csv, \.parquet, "):
+        export(log, tmp_path / "x.xls")
 
 
 def test_a_grid_is_what_estimators_see(log, tmp_path):
     out = tmp_path / "grid.csv"
-    rows, _, _ = export(log, out, roles=["imu.accel_x", "gnss.speed"], rate=20.0)
+    rows, _, _ = export(log, out, roles=["imu.accel_x", "gnss.speed"], every="20Hz")
     drive = DriveLog(log).drive(20.0)
     data = np.genfromtxt(out, delimiter=",", names=True)
     assert rows == len(data) == len(drive)
-    for name, role in (("imuaccel_x", "imu.accel_x"), ("gnssspeed", "gnss.speed")):
+    for name, role in (("imuaccel_x_ms2", "imu.accel_x"), ("gnssspeed_ms", "gnss.speed")):
         np.testing.assert_allclose(data[name], drive[role], atol=1e-9, equal_nan=True)
 
 
@@ -72,8 +73,8 @@ def test_two_messages_of_one_stamp_stay_two(tmp_path):
     rows, _, _ = export(tmp_path / "x.mcap", tmp_path / "x.csv")
     assert rows == 4
     assert (tmp_path / "x.csv").read_text().splitlines()[2:4] == [
-        f"{EPOCH_NS + 10**8},1.0",
-        f"{EPOCH_NS + 10**8},2.0",
+        f"{EPOCH_NS + 10**8},0.1,1.0",
+        f"{EPOCH_NS + 10**8},0.1,2.0",
     ]
 
 
@@ -84,6 +85,49 @@ def test_a_failed_export_leaves_the_old_file(roadlog, log, tmp_path):
     assert failed.returncode == 1
     assert "no topic '/gone'" in failed.stderr
     assert out.read_text() == "precious"
-    done = roadlog("export", log, "-o", out, "--force", "--topics", "/gnss,/imu", "--rate", 10)
+    done = roadlog("export", log, "-o", out, "--force", "--topics", "/gnss,/imu", "--every", "10Hz")
     assert done.returncode == 0
-    assert out.read_text().startswith("time_ns,gnss.latitude")
+    assert out.read_text().startswith("time_ns,time_s,gnss.latitude")
+
+
+def test_a_row_each_ten_meters_in_degrees(log, tmp_path):
+    drive = DriveLog(log).drive()
+    out = tmp_path / "way.csv"
+    rows, _, _ = export(log, out, roles=["truth.grade"], every="10m", degrees=True)
+    data = np.genfromtxt(out, delimiter=",", names=True)
+    way = float(np.nansum(drive.speed[1:] + drive.speed[:-1]) / 2 * drive.dt)
+    assert rows == len(data) == pytest.approx(way / 10, abs=1)
+    speed = np.interp(data["time_s"], drive.time, drive.speed)
+    steps = np.diff(data["time_s"]) * (speed[1:] + speed[:-1]) / 2
+    np.testing.assert_allclose(steps, 10.0, rtol=0.02)
+    true = DriveLog(log).truth()
+    at = np.interp(data["time_s"], true.time, np.degrees(true.grade))
+    np.testing.assert_allclose(data["truthgrade_deg"], at, atol=0.02)
+    with pytest.raises(ConfigError, match=r"'10 km' is no step"):
+        export(log, out, every="10 km")
+    assert out.read_text().splitlines()[0] == "time_ns,time_s,truth.grade [deg]"
+
+
+def test_degrees_are_not_read_back_as_radians(log, tmp_path):
+    export(log, tmp_path / "x.csv", roles=["imu.accel_x", "imu.gyro_y"], degrees=True)
+    back = {t.topic: t for t in ingest([tmp_path / "x.csv"], "roadlog").tables}
+    assert not np.isfinite(back["/imu"].columns["gyro_y"]).any()
+    assert np.isfinite(back["/imu"].columns["accel_x"]).all()
+
+
+def test_excel_and_matlab(log, tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    from scipy.io import loadmat
+
+    export(log, tmp_path / "x.xlsx", roles=["imu.accel_x", "gnss.speed"], every="1s")
+    sheet = openpyxl.load_workbook(tmp_path / "x.xlsx").active
+    head, first, *_ = sheet.iter_rows(values_only=True)
+    assert head == ("UTC", "time_s [s]", "gnss.speed [m/s]", "imu.accel_x [m/s^2]")
+    assert first[1] == 0
+    export(log, tmp_path / "x.mat", roles=["imu.accel_x", "gnss.speed"])
+    found = loadmat(tmp_path / "x.mat", simplify_cells=True)
+    table = DriveLog(log).tables()["/imu"]
+    np.testing.assert_array_equal(
+        found["imu_accel_x"][np.isfinite(found["imu_accel_x"])], table.columns["accel_x"]
+    )
+    assert found["units"]["imu_accel_x"] == "m/s^2"

@@ -47,6 +47,7 @@ LAYERS = (
     ("estimators", "simulate"),
     ("calibrate", "ingest"),
     ("log",),
+    ("outlook", "export_files"),
     ("summary", "export", "verify", "roadlog"),
     ("view", "reproduce", "doctor"),
     ("report",),

@@ -60,6 +60,11 @@ class Finding:
         return any(_meets(signal, roles) for signal in self.signals)
 
     @property
+    def harm(self) -> tuple[bool, bool, int]:
+        """The larger the more it spoils: angles, what should be corrected, signals it meets."""
+        return self.check in SPOILING, self.level == "fault", len(self.signals)
+
+    @property
     def short(self) -> str:
         """What was found, without the advice."""
         at = "" if self.at is None else f" (from {self.at:.1f} s)"

@@ -12,7 +12,10 @@ from roadlog.cli import console, options
 
 def export(
     log: Annotated[Path, typer.Argument(help="An MCAP log.")],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="F.csv|F.parquet", help="To write.")],
+    out: Annotated[
+        Path,
+        typer.Option("-o", "--out", metavar="FILE", help="A .csv, .parquet, .xlsx or .mat."),
+    ],
     topics: Annotated[
         list[str] | None,
         typer.Option(metavar="TOPIC", help="Only these topics; repeatable, or joined by commas."),
@@ -21,22 +24,30 @@ def export(
         list[str] | None,
         typer.Option(metavar="ROLE", help="Only these signals, like imu.accel_x; likewise."),
     ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(metavar="HZ", min=1e-3, max=1e5, help="One grid instead of own times."),
-    ] = None,
+    every: Annotated[
+        str,
+        typer.Option(
+            metavar="1s|10m|50Hz",
+            help="One row a second, each 10 m of way, or at 50 Hz, instead of own times.",
+        ),
+    ] = "",
+    degrees: Annotated[
+        bool, typer.Option("--degrees", help="Angles and rates in degrees instead of radians.")
+    ] = False,
     force: options.Force = False,
 ) -> None:
-    """Write a log as CSV or Parquet: one row a stamp, one column a signal.
+    """Write a log as CSV, Parquet, Excel or MATLAB file: one row a stamp, one column a signal.
 
-    Example: roadlog export drive.mcap -o drive.csv --topics /imu,/speed --rate 50
+    Headings have units. time_ns counts from 1970, time_s from the log's first message.
+
+    Example: roadlog export drive.mcap -o drive.xlsx --topics /imu,/speed --every 1s --degrees
     """
     from roadlog.export import export as write
     from roadlog.files import output
 
     with output(out, [log], force=force):
-        rows, columns, losses = write(log, out, _split(topics), _split(roles), rate)
-    console.say(f"{out}: {rows} rows, {len(columns)} columns beside time_ns")
+        rows, columns, losses = write(log, out, _split(topics), _split(roles), every, degrees)
+    console.say(f"{out}: {rows} rows, {len(columns)} columns beside the time")
     console.warn_losses(losses)
 
 

@@ -83,11 +83,31 @@ def _print(summary: LogSummary) -> None:
         console.say(f"{'CHECK' if finding.level == 'fault' else 'note'}: {finding}")
     if not any(finding.level == "fault" for finding in summary.checks):
         console.say("checks: nothing looks wrong")
+    _print_outlook(summary)
     able = [estimator.name for estimator in summary.estimators if estimator.can_run]
     console.say(f"can run: {', '.join(able) or 'none'}")
     for estimator in summary.estimators:
         if not estimator.can_run:
             console.say(f"cannot run: {estimator.name}: {estimator.reason}")
+
+
+def _print_outlook(summary: LogSummary) -> None:
+    """What to take for which angle, what to expect, and what would help most."""
+    from roadlog.checks.finding import SPOILING
+
+    rows = []
+    for angle in summary.outlook:
+        better = f"{angle.better}: {angle.better_deg:.2f} deg" if angle.better else "-"
+        error = "-" if angle.accuracy_deg is None else f"{angle.accuracy_deg:.2f}"
+        rows.append([angle.angle, angle.estimator or "none can", error, better])
+    if not rows:
+        return
+    spoilt = any(finding.check in SPOILING for finding in summary.checks)
+    console.say("")
+    columns = ["angle", "take", "RMS error to expect, deg", "what would help most"]
+    title = "once the CHECKs above are mended:" if spoilt else ""
+    console.print_table(columns, rows, title, left=2, remark=True)
+    console.say("")
 
 
 def _percent(share: float | None) -> str:

@@ -8,9 +8,11 @@ import typer
 
 
 def _checked_clock(clock: str | None) -> str | None:
+    if clock is None:
+        return None
     from roadlog.ingest.profile import CLOCKS
 
-    if clock is not None and clock not in CLOCKS:
+    if clock not in CLOCKS:
         raise typer.BadParameter(f"must be {', '.join(CLOCKS[:-1])} or {CLOCKS[-1]}")
     return clock
 

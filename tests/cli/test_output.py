@@ -23,7 +23,7 @@ COMMANDS = {
     "estimate": ["estimate", "hill.mcap", "-e", "incl_kinematic", "-o", "OUT.mcap"],
     "calibrate": ["calibrate", "hill.mcap", "-o", "OUT.toml"],
     "evaluate": ["evaluate", "hill.mcap", "--csv", "OUT.csv"],
-    "export": ["export", "hill.mcap", "--rate", "1", "-o", "OUT.csv"],
+    "export": ["export", "hill.mcap", "--every", "1s", "-o", "OUT.csv"],
     "plot": ["plot", "hill.mcap", "-o", "OUT.png"],
     "view": ["view", "hill.mcap", "--save", "OUT.rrd"],
     "profile": ["profile", "new", "s.csv", "-o", "OUT.toml"],
@@ -91,7 +91,7 @@ def test_a_profile_is_an_input(folder: Path) -> None:
 
 
 def test_a_folder_is_made_and_force_replaces(folder: Path) -> None:
-    words = ["export", "hill.mcap", "--rate", "1", "-o", "new/folder/out.csv"]
+    words = ["export", "hill.mcap", "--every", "1s", "-o", "new/folder/out.csv"]
     assert run(*words).exit_code == 0
     first = (folder / "new/folder/out.csv").read_bytes()
     refused(run(*words), "--force")
@@ -109,6 +109,6 @@ def test_a_neighbour_of_the_output_stays(folder: Path) -> None:
     (folder / "out.csv.undo").write_bytes(FOREIGN)
     (folder / "more.csv.undo").mkdir()
     for name in ("out.csv", "more.csv"):
-        assert run("export", "hill.mcap", "--rate", "1", "-o", name).exit_code == 0
+        assert run("export", "hill.mcap", "--every", "1s", "-o", name).exit_code == 0
     assert (folder / "out.csv.undo").read_bytes() == FOREIGN
     assert (folder / "more.csv.undo").is_dir()

@@ -19,6 +19,7 @@ import numpy as np
 
 from roadlog.errors import ConfigError, LogReadError
 from roadlog.ingest.formats.text import decoded
+from roadlog.signals import SIGNALS
 from roadlog.units import UNITS, canonical
 
 HEAD = 1 << 16  # bytes in which the header and the first rows are
@@ -166,9 +167,16 @@ def _distinct(names: Sequence[str]) -> list[str]:
     found = []
     for k, name in enumerate(names, 1):
         name = name or f"column {k}"
+        name = _own_role(name)
         seen[name] += 1
         found.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
     return found
+
+
+def _own_role(name: str) -> str:
+    """Of a heading of `roadlog export`, `imu.gyro_x [rad/s]`, the role, where it is in SI units."""
+    role, _, unit = name.removesuffix("]").partition(" [")
+    return role if unit and role in SIGNALS and SIGNALS[role].unit == unit else name
 
 
 def _trimmed(fields: list[str]) -> list[str]:
