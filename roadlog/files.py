@@ -7,6 +7,7 @@ with the process; the next run in that folder removes it.
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import os
 import re
@@ -14,7 +15,7 @@ import secrets
 import shutil
 import stat
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +30,7 @@ except ImportError:  # no locks on this system: what is left over stays
 
 BUFFER = 1 << 20  # bytes that are written to the file at once
 OWNER_WRITES = 0o200
+AT_CWD, SWAP = -100, 2  # Linux: names are relative to the current folder; RENAME_EXCHANGE
 TRIES = 3  # to make a temporary file
 written: list[Path] = []  # files that took their place, for who has to say what was done
 _parts: set[Path] = set()  # passing names that are in use
@@ -118,9 +120,13 @@ class Part:
             if stat.S_ISREG(status.st_mode):
                 check_unprotected(target, status)
                 self._take_over(status)
-            if state(target) != standing:  # last: nothing may come between
+            if state(target) != standing:
                 raise changed(target)
-            self.path.replace(target)
+            if not _exchange(self.path, target):
+                self.path.replace(target)
+            elif state(self.path) != standing:  # it was changed in between
+                _exchange(self.path, target)
+                raise changed(target)
         sync_folder(target.parent)
 
     def _take_over(self, status: os.stat_result) -> None:
@@ -142,6 +148,26 @@ class Part:
             self.path.replace(target)
         else:
             self.path.unlink()
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Let two names swap their files at once; False where the system cannot."""
+    try:
+        swap = ctypes.CDLL(None).renameat2
+    except (OSError, AttributeError, TypeError):  # no Linux
+        return False
+    return swap(AT_CWD, os.fsencode(one), AT_CWD, os.fsencode(other), SWAP) == 0
+
+
+def remove(path: Path, is_meant: Callable[[State], bool]) -> None:
+    """Remove a file if it is the one that is meant; another stays. Raises OSError."""
+    aside = path.with_name(f".roadlog-0-{secrets.token_hex(8)}.part")
+    path.rename(aside)  # nobody knows this name: what is looked at is what goes
+    there = state(aside)
+    if there is not None and not is_meant(there):
+        os.link(aside, path, follow_symlinks=False)
+    aside.unlink()
+    sync_folder(path.parent)
 
 
 def changed(target: Path) -> LogWriteError:

@@ -125,12 +125,10 @@ def changing(log: Path, source: Source, cut: int) -> Iterator[tuple[Before, IO[b
             source.copy_to(part.file, cut, source.size)
             part.sync()
             part.become(path, None)
-            kept = Source(path)
+            kept = _ours(path, part.file.fileno(), HEAD_SIZE + source.size - cut)
             target = _Guarded(log, handle, source.size, part.file.fileno())
             target.seek(cut)
             try:
-                if not os.path.samestat(os.fstat(kept.handle), os.fstat(part.file.fileno())):
-                    raise files.changed(path)
                 with io.BufferedWriter(target, files.BUFFER) as file:
                     yield Before(source, kept, cut), file
                     file.flush()
@@ -152,6 +150,15 @@ def changing(log: Path, source: Source, cut: int) -> Iterator[tuple[Before, IO[b
             )
     except OSError as error:
         raise LogWriteError(f"{log}: cannot be changed in place: {error.strerror}") from error
+
+
+def _ours(path: Path, written: int, size: int) -> Source:
+    """The journal that was just written, and no other file of its name. Raises LogWriteError."""
+    kept = Source(path)
+    if kept.size != size or not os.path.samestat(os.fstat(kept.handle), os.fstat(written)):
+        kept.close()
+        raise files.changed(path)
+    return kept
 
 
 class _CutShortError(LogWriteError):
@@ -312,10 +319,7 @@ def _remove(path: Path, made: files.State) -> None:
     Its time is not what tells it: it was noted there how far the change reached.
     """
     with suppress(OSError):
-        there = files.state(path)
-        if there is not None and there._replace(changed_ns=made.changed_ns) == made:
-            path.unlink()
-            files.sync_folder(path.parent)
+        files.remove(path, lambda there: there._replace(changed_ns=made.changed_ns) == made)
 
 
 def forget(log: Path) -> None:
