@@ -105,3 +105,20 @@ def test_two_antennas_of_a_septentrio_give_heading_and_inclination(tmp_path):
     grade = DRIVE.grade(truth.time * 1e-9 - EPOCH)
     np.testing.assert_allclose(truth.columns["inclination"], grade, atol=1e-6)
     assert np.isnan(truth.columns["roll_total"]).all()
+
+
+def test_sentences_without_sums_dates_or_speeds_are_read(tmp_path):
+    lines = RECEIVERS["nmea"](tmp_path).read_text().splitlines()
+    path = tmp_path / "other.nmea"
+    path.write_text("\r\n".join(line.split("*")[0] for line in lines) + "\r\n")
+    whole = ingest([path])
+    assert not whole.losses
+    t = table(whole, "/gnss").time * 1e-9 - EPOCH
+    np.testing.assert_allclose(table(whole, "/gnss").columns["speed"], DRIVE.speed(t), atol=0.01)
+    path.write_text("\r\n".join(line for line in lines if "GGA" in line) + "\r\n")
+    places = ingest([path])
+    t = table(places, "/gnss").time * 1e-9 - 32_400
+    speed = table(places, "/gnss").columns["speed"]
+    np.testing.assert_allclose(speed, DRIVE.speed(t), atol=0.3)
+    assert any("no sentence has a date" in note for note in places.notes)
+    assert any("it is made of the positions" in note for note in places.notes)

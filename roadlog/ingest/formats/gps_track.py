@@ -18,15 +18,12 @@ import numpy as np
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.parsers import guarded
-from roadlog.ingest.formats.pocket import frame, nanoseconds
+from roadlog.ingest.formats.pocket import frame, nanoseconds, speed_of
 from roadlog.ingest.frame import Recording
 from roadlog.ingest.profile import Profile
-from roadlog.types import Floats
 
 SEMICIRCLE = 180 / 2**31  # deg
-RADIUS = 6_371_000.0  # m, mean of the Earth
 HEAD = 2048  # bytes in which an XML file says what it is
-LONGEST_STEP = 10.0  # s between points, of which a speed is made
 FIELDS = ("latitude", "longitude", "altitude", "speed", "course")
 
 Point = tuple[float, ...]  # time in s and FIELDS, NaN where unknown
@@ -65,21 +62,11 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     columns = dict(zip(FIELDS, rows[:, 1:].T, strict=True))
     notes = []
     if np.isnan(columns["speed"]).all() and len(rows) > 2:
-        columns["speed"] = _speed(rows[:, 0], columns["latitude"], columns["longitude"])
+        columns["speed"] = speed_of(rows[:, 0], columns["latitude"], columns["longitude"])
         notes.append(f"{path.name}: no point has a speed; it is made of the positions")
     time = nanoseconds(rows[:, 0])
     losses = [f"{path.name}: {timeless} points without a time left out"] if timeless else []
     return Recording((frame("location", path.name, time, columns),), tuple(losses), tuple(notes))
-
-
-def _speed(time: Floats, latitude: Floats, longitude: Floats) -> Floats:
-    """m/s by central differences of the positions; NaN across long steps."""
-    north = np.radians(latitude) * RADIUS
-    east = np.radians(longitude) * RADIUS * np.cos(np.radians(latitude.mean()))
-    speed = np.hypot(np.gradient(north, time), np.gradient(east, time))
-    wide = np.diff(time) > LONGEST_STEP
-    speed[np.concatenate([wide, [False]]) | np.concatenate([[False], wide])] = np.nan
-    return speed
 
 
 def _gpx(path: Path) -> Iterator[Point]:

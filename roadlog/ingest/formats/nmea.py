@@ -1,8 +1,10 @@
-"""NMEA 0183 logs by pynmeagps: RMC, GGA, GNS, VTG, GST, ZDA of any talker.
+"""NMEA 0183 logs by pynmeagps: RMC, GGA, GNS, VTG, GST, ZDA, HDT of any talker.
 
 Knots, degrees clockwise from north, meters above the geoid, UTC; the date is in RMC and ZDA only,
-so that sentences before the first of these take its day. GST: sd of the position in meters, which
-is the accuracy kept (HDOP is none). 1 to 25 Hz; all sentences of one time are one fix.
+so that sentences before the first of these take its day, and without any the stamps count from a
+midnight. Sums are checked where they are there. Without RMC and VTG the speed is made of the
+positions. HDT: heading of two antennas. GST: sd of the position in meters, which is the accuracy
+kept (HDOP is none). 1 to 25 Hz; all sentences of one time are one fix.
 """
 
 from __future__ import annotations
@@ -11,6 +13,8 @@ import math
 import re
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
+from functools import reduce
+from operator import xor
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +23,15 @@ import numpy as np
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.parsers import guarded
-from roadlog.ingest.formats.pocket import frame
+from roadlog.ingest.formats.pocket import frame, speed_of
 from roadlog.ingest.frame import Recording
 from roadlog.ingest.profile import Profile
 from roadlog.units import UNITS
 
 HEAD = 4096
 SENTENCE = re.compile(
-    rb"\$[A-Z]{2}(?:RMC|GGA|GNS|GLL|VTG|GSA|GSV|ZDA|GST|TXT),[^\r\n]*\*[0-9A-Fa-f]{2}"
+    rb"\$[A-Z]{2}(?:RMC|GGA|GNS|GLL|VTG|GSA|GSV|ZDA|GST|TXT),"
+    rb"(?:[^\r\n]*\*[0-9A-Fa-f]{2}|[\dA-Z.,-]*\r?\n)"
 )
 KNOT = UNITS["kn"][1]
 FIELDS = (
@@ -37,6 +42,7 @@ FIELDS = (
     "course",
     "horizontal_accuracy",
     "vertical_accuracy",
+    "heading",
 )
 HALF_DAY = 43_200.0  # s
 
@@ -65,14 +71,21 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
             if not found.startswith(b"$"):
                 continue
             try:
-                fixes.add(NMEAReader.parse(found))
+                fixes.add(NMEAReader.parse(_summed(found)))
             except Exception:  # a line cut or garbled on its way
                 bad += 1
     made = fixes.frame(path.name)
     if made is None:
-        raise LogReadError(f"{path}: holds no fix with a date (RMC or ZDA)")
+        raise LogReadError(f"{path}: holds no fix")
     losses = (f"{path.name}: {bad} sentences that are damaged left out",) if bad else ()
-    return Recording((made,), losses)
+    return Recording((made,), losses, tuple(f"{path.name}: {note}" for note in fixes.notes))
+
+
+def _summed(sentence: bytes) -> bytes:
+    """The sentence with its sum, where a logger left that out."""
+    if b"*" in sentence:
+        return sentence
+    return sentence + f"*{reduce(xor, sentence[1:], 0):02X}".encode()
 
 
 class Fixes:
@@ -84,6 +97,7 @@ class Fixes:
         self.day = 0.0
         self.last: float | None = None
         self.now: float | None = None
+        self.notes: list[str] = []
 
     def add(self, message: Any) -> None:
         """Take one parsed sentence."""
@@ -103,6 +117,8 @@ class Fixes:
         elif kind in ("GGA", "GNS") and (kind == "GNS" or message.quality):
             row |= {"latitude": _number(message.lat), "longitude": _number(message.lon)}
             row["altitude"] = _number(message.alt)
+        elif kind == "HDT":
+            row["heading"] = _number(message.heading)
         elif kind == "VTG":
             row.setdefault("course", _number(message.cogt))
             row.setdefault("speed", _number(message.sogn) * KNOT)
@@ -127,13 +143,21 @@ class Fixes:
             self.midnight = first - timedelta(seconds=self.day)
 
     def frame(self, file: str) -> Any:
-        """The vocabulary's `location`; None without a date."""
+        """The vocabulary's `location`; None without a fix."""
         rows = [(t, row) for t, row in self.rows.items() if row]
-        if self.midnight is None or not rows:
+        if not rows:
             return None
-        start = round(self.midnight.timestamp()) * 1_000_000_000
-        time = start + np.rint(np.array([t for t, _ in rows]) * 1e9).astype(np.int64)
+        start = 0
+        if self.midnight is None:
+            self.notes.append("no sentence has a date (RMC, ZDA); the stamps are times of day")
+        else:
+            start = round(self.midnight.timestamp()) * 1_000_000_000
+        seconds = np.array([t for t, _ in rows])
+        time = start + np.rint(seconds * 1e9).astype(np.int64)
         columns = {f: np.array([row.get(f, np.nan) for _, row in rows]) for f in FIELDS}
+        if np.isnan(columns["speed"]).all() and len(rows) > 2:
+            columns["speed"] = speed_of(seconds, columns["latitude"], columns["longitude"])
+            self.notes.append("no sentence has a speed; it is made of the positions")
         return frame("location", file, time, columns)
 
 

@@ -18,8 +18,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
+from roadlog.geo import EARTH_RADIUS
 from roadlog.ingest.frame import Frame
-from roadlog.types import Stamps
+from roadlog.types import Floats, Stamps
 
 UNITS = {
     **{f"accelerometer.{axis}": "m/s^2" for axis in "xyz"},
@@ -40,6 +41,7 @@ UNITS = {
     "obd.speed": "m/s",
     "barometer.altitude": "m",
 }
+LONGEST_STEP = 10.0  # s between points, of which a speed is made
 SEA_LEVEL = 1013.25  # hPa, of the standard atmosphere (ICAO Doc 7488)
 
 
@@ -62,3 +64,13 @@ def nanoseconds(seconds: ArrayLike) -> Stamps:
 def pressure_altitude(pressure: ArrayLike) -> np.ndarray:
     """m of the standard atmosphere, by a pressure in hPa."""
     return 44330.77 * (1 - (np.asarray(pressure, np.float64) / SEA_LEVEL) ** 0.190263)
+
+
+def speed_of(time: Floats, latitude: Floats, longitude: Floats) -> Floats:
+    """m/s by central differences of the positions; NaN across long steps."""
+    north = np.radians(latitude) * EARTH_RADIUS
+    east = np.radians(longitude) * EARTH_RADIUS * np.cos(np.radians(np.nanmean(latitude)))
+    speed = np.hypot(np.gradient(north, time), np.gradient(east, time))
+    wide = np.diff(time) > LONGEST_STEP
+    speed[np.concatenate([wide, [False]]) | np.concatenate([[False], wide])] = np.nan
+    return speed
