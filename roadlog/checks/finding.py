@@ -12,6 +12,7 @@ Level = Literal["fault", "note"]
 SPOILING = frozenset(
     {
         "axes",
+        "clock_drift",
         "clock_jump",
         "clock_step",
         "clocks_differ",
@@ -54,7 +55,7 @@ class Finding:
             return wrong and any(_meets(signal, roles) for signal in self.signals)
         if self.check not in SPOILING:
             return False
-        if self.check in ("clocks_differ", "clock_step"):
+        if self.check in ("clocks_differ", "clock_drift", "clock_step"):
             sections = {signal.strip("/").split(".")[0] for signal in self.signals}
             return all(any(_meets(s, roles) for s in _of(self, one)) for one in sections)
         return any(_meets(signal, roles) for signal in self.signals)

@@ -34,6 +34,8 @@ GOOD_FIT, BETTER_FIT = 0.9, 0.2  # mean cosine between two courses, and what tel
 LATENCY = 0.15  # s, of speed against acceleration
 CLOCKS = 1.0  # s; no sensor is that late, its clock is another
 STEP = 0.5  # s, by which the lag of a part must differ from the rest to be a step of a clock
+PART, MIN_PARTS = 30.0, 4  # s of a block whose lag is looked at, and how many a drift takes
+GROWS, STEADY = 0.25, 5.0  # s, and sd of it, from which a lag that grows is a drift
 CLEAR = 0.85  # correlation of speed and acceleration from which a lag counts
 LIVELY = 0.1  # m/s2, sd of the acceleration in the band from which a lag counts
 DEGREES = 180 / np.pi
@@ -102,7 +104,8 @@ def latency(exam: Examination) -> None:
     evidence = exam.evidence
     for name, speed in evidence.speeds().items():
         roles = roles_of(name, evidence)
-        step = _step(evidence, speed)
+        clear = _clear_lags(evidence, speed)
+        step = _step(clear)
         if step is not None:
             at, before, after = step
             exam.add(
@@ -113,6 +116,18 @@ def latency(exam: Examination) -> None:
                 "and after it as logs of their own",
                 after - before,
                 at,
+            )
+            exam.drop(roles)
+            continue
+        drift = _drift(clear)
+        if drift is not None:
+            exam.add(
+                "clock_drift",
+                (*roles, "imu.accel"),
+                f"the lag between their clocks changes by {drift:+.2f} s in the drive",
+                "a clock runs at another rate, or a queue before the recorder fills: take the "
+                "sensors' own stamps instead of those of arrival",
+                drift,
             )
             exam.drop(roles)
             continue
@@ -219,17 +234,22 @@ def _course(exam: Examination, role: str) -> None:
         exam.add("course", role, " and ".join(reads), advice)
 
 
-def _step(evidence: Evidence, speed: Floats) -> tuple[float, float, float] | None:
-    """Time and lags before and after a step of a clock: two blocks on each side must agree."""
+def _clear_lags(evidence: Evidence, speed: Floats) -> list[tuple[float, float]]:
+    """Middle and lag, in s, of each block that says it beyond doubt, on the axis that has most."""
     late = evidence.band(evidence.slope(speed))
     clear: list[tuple[float, float]] = []
     for axis in AXES:
         if f"imu.accel_{axis}" in evidence:
             other = evidence.band(evidence[f"imu.accel_{axis}"])
             if np.isfinite(other).any() and np.nanstd(other) > LIVELY:
-                blocks = evidence.block_lags(other, late, 30.0)
+                blocks = evidence.block_lags(other, late, PART)
                 own = [(middle, lag) for middle, lag, r in blocks if abs(r) > CLEAR]
                 clear = max(clear, own, key=len)
+    return clear
+
+
+def _step(clear: list[tuple[float, float]]) -> tuple[float, float, float] | None:
+    """Time and lags before and after a step of a clock: two blocks on each side must agree."""
     for k in range(1, len(clear)):
         before = [own for _, own in clear[:k]][-2:]
         after = [own for _, own in clear[k:]][:2]
@@ -241,6 +261,18 @@ def _step(evidence: Evidence, speed: Floats) -> tuple[float, float, float] | Non
                 at = (clear[k - 1][0] + clear[k][0]) / 2
                 return at, float(np.mean(before)), float(np.mean(after))
     return None
+
+
+def _drift(clear: list[tuple[float, float]]) -> float | None:
+    """s, by which the lag grows from the first block to the last, where it does so steadily."""
+    if len(clear) < MIN_PARTS:
+        return None
+    time, lag = np.array(clear).T
+    time = (time - time.mean()) / np.ptp(time)
+    change = float(time @ lag / (time @ time))
+    left = lag - lag.mean() - change * time
+    sd = np.sqrt((left @ left) / (len(lag) - 2) / (time @ time))
+    return change if abs(change) > max(GROWS, STEADY * float(sd)) else None
 
 
 def clear_lag(evidence: Evidence, speed: Floats) -> Lag | None:

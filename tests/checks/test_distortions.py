@@ -36,6 +36,7 @@ EXPECTED = {  # check that names it
     "gravity removed": "gravity",
     "accelerations in g": "unit",
     "gyro in deg/s": "unit",
+    "speed lag grows to 0.5 s": "clock_drift",
     "imu 18 s late": "clocks_differ",
     "imu 1 s late": "clocks_differ",
     "fixes 3 s late": "clocks_differ",
