@@ -29,6 +29,8 @@ WIDTH, ROW = 11.0, 2.1  # inches
 DPI = 150  # of a png
 BAND = 0.18  # opacity
 BAND_ROOM = 2.4  # of the median sd, that an error axis reaches: the band's edges are seen
+FOOT = 0.025  # of an axis' height, that marks a stop
+STANDING = 0.05  # m/s, as drawn
 MANY = 20_000  # samples, above which an svg or pdf holds the curves as a picture
 
 
@@ -54,9 +56,11 @@ class Part:
         return curve.distance
 
     def inside(self, curve: Curve | Inputs) -> Bools:
-        """The samples of a curve that are shown."""
+        """The samples of a curve that are shown; over distance one of each stop."""
         x = self.of(curve)
         shown = np.ones(len(x), np.bool_)
+        if self.over == "distance":
+            shown[1:] = np.diff(x) > 0
         if self.first is not None:
             shown &= x >= self.first
         if self.last is not None:
@@ -107,10 +111,11 @@ def angle_figure(view: DriveView, part: Part = WHOLE) -> Figure:
     angles = list(view.ranges)
     panels = [name for name in PANELS if view.inputs.get(name)]
     columns = 2 if view.errors else 1
-    rows = len(angles) + len(panels)
+    rows = len(angles) + -(-len(panels) // columns)
     figure = Figure(figsize=(WIDTH, 1.1 + ROW * rows), layout="constrained")
     axes = figure.subplots(rows, columns, sharex=True, squeeze=False)
-    axes[0, 0].set_title(f"{view.name}: estimates with their ±2 sd", loc="left", fontsize=10)
+    stops = _stops(view, part)
+    axes[0, 0].set_title(_title(view, stops), loc="left", fontsize=10)
     color = {k: f"#{v:06x}" for k, v in colors.colors(view.estimators).items()}
     drawn: dict[str, Any] = {}
     for row, angle in zip(axes, angles, strict=False):
@@ -119,12 +124,37 @@ def angle_figure(view: DriveView, part: Part = WHOLE) -> Figure:
             _errors(row[1], view, angle, part, color)
         elif columns == 2:
             row[1].set_axis_off()
-    for row, panel in zip(axes[len(angles) :], panels, strict=True):
-        _panel(row[0], view, panel, part)
-        for axis in row[1:]:
-            axis.set_axis_off()
+    below = list(axes[len(angles) :].flat)
+    for axis, panel in zip(below, panels, strict=False):
+        _panel(axis, view, panel, part)
+    for axis in below[len(panels) :]:
+        axis.set_axis_off()
+    for axis in (axis for axis in axes.flat if axis.axison):
+        for first, last in stops:
+            axis.axvspan(first, last, ymax=FOOT, color="#5f6368", lw=1.5)
     _finish_figure(figure, axes, view, part, drawn)
     return figure
+
+
+def _title(view: DriveView, stops: Sequence[tuple[float, float]]) -> str:
+    parts = [text for text, said in (
+        ("estimates with their ±2 sd" if view.estimators else "truth", True),
+        ("stops marked at the foot", bool(stops)),
+    ) if said]  # fmt: skip
+    return f"{view.name}: {'; '.join(parts)}"
+
+
+def _stops(view: DriveView, part: Part) -> list[tuple[float, float]]:
+    """Where the first log's car stands, in the figure's abscissas."""
+    inputs = next(iter(view.inputs.get("speed", {}).values()), None)
+    if inputs is None:
+        return []
+    known = np.isfinite(inputs.values).any(axis=0)
+    x, speed = part.of(inputs), np.abs(inputs.values[:, int(np.argmax(known))])
+    low = -np.inf if part.first is None else part.first
+    high = np.inf if part.last is None else part.last
+    spans = [(float(x[r][0]), float(x[r][-1])) for r in runs(speed < STANDING)]
+    return [(max(a, low), min(b, high)) for a, b in spans if b >= low and a <= high]
 
 
 def field_figure(view: DriveView, part: Part, fields: Mapping[str, FieldPlot]) -> Figure:

@@ -10,15 +10,15 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.image import imread
 from numpy.testing import assert_allclose
-from support.drives import Run
+from support.drives import Run, simulated
 from support.view_logs import ERROR, NAMES, SD, make_log
 
 from roadlog import view as roadlog_view
 from roadlog.errors import LogReadError, MissingExtraError
-from roadlog.log import DriveLog
+from roadlog.log import DriveLog, create
 from roadlog.view import colors
 from roadlog.view.figure import Part, angle_figure, write_figure
-from roadlog.view.model import drive_view
+from roadlog.view.model import DriveView, drive_view
 
 
 def test_figure_draws_what_the_view_holds(log: DriveLog) -> None:
@@ -117,3 +117,26 @@ def test_notebook_shows_the_viewer(log: DriveLog, monkeypatch: pytest.MonkeyPatc
     (options,) = shown
     assert options["height"] == 700
     assert options["blueprint"] is not None
+
+
+def stop_and_go() -> DriveView:
+    """A simulated pass with two stops and nothing but the truth."""
+    made = simulated("mountain")
+    log = create(Path("pass.mcap"), made.tables, made.metadata, made.vehicle)
+    return drive_view(log)
+
+
+def test_a_stop_is_a_mark_over_time_and_no_spike_over_distance(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    view = stop_and_go()
+    over_time, over_distance = angle_figure(view), angle_figure(view, Part("distance"))
+    for figure in (over_time, over_distance):
+        assert figure.axes[0].get_title(loc="left") == "pass: truth; stops marked at the foot"
+        assert len(figure.axes[0].patches) >= 2
+        assert not [axis for axis in figure.axes if axis.axison and not axis.has_data()]
+    x = over_distance.axes[0].get_lines()[0].get_xdata()
+    assert (np.diff(x) > 0).all()
+    longest = max(np.ptp(patch.get_extents().intervalx) for patch in over_time.axes[0].patches)
+    assert longest > 0
