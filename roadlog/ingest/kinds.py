@@ -34,6 +34,12 @@ CORNERS = {
 MAP_FRAME = re.compile(r"map|enu|ned|world|earth|utm|gps|gnss|ecef|navsat|local", re.I)
 MAP_TOPIC = re.compile(r"gps|gnss|fix|ublox|novatel|nmea|septentrio|navsat|filter/velocity", re.I)
 
+NED_FRAME = re.compile(r"(?:^|[^a-z])(?:ned|frd)(?:$|[^a-z])", re.I)
+# a topic of what is wanted of the car, not of what it does
+COMMANDED = re.compile(
+    r"(?:^|[/_])(?:cmd|commands?|commanded|setpoints?|target|desired|goal)(?:[/_]|$)", re.I
+)
+
 _UNIT = re.compile(r"^(.*?)\s*\[([^\[\]]+)\]$")
 _NAMED = re.compile(r"\[name~(fl|fr|rl|rr)\]")
 _WORD = re.compile(r"[A-Za-z_][\w.]*")
@@ -64,6 +70,8 @@ class Kind:
     def fits(self, frame: Frame) -> bool:
         """Whether messages of this type, on this topic and with this data, are of this kind."""
         if not any(fnmatchcase(frame.kind, type_) for type_ in self.types):
+            return False
+        if COMMANDED.search(frame.name):
             return False
         if self.topic and not re.search(self.topic, frame.name, re.I):
             return False
@@ -222,8 +230,13 @@ def _shows(kind: Kind, frame: Frame) -> bool:
     """Whether the data and the names of frames say that it is this kind."""
     if kind.when == "gravity":
         return _weighs(frame)
-    if kind.when in ("body", "map"):
-        return _is_map_velocity(frame) == (kind.when == "map")
+    is_ned = bool(NED_FRAME.search(frame.frame_id))
+    if kind.when in ("body", "map", "ned"):
+        what = ("ned" if is_ned else "map") if _is_map_velocity(frame) else "body"
+        return kind.when == what
+    if kind.when == "frd":
+        column = _column("linear_acceleration.z", frame)
+        return is_ned and bool(column) and float(np.nanmedian(values(frame, column))) < 0
     name, compare, number = kind.when.split()
     column = _column(name, frame)
     if not column:

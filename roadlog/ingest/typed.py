@@ -118,8 +118,9 @@ def with_made(profile: Profile, frames: Iterable[Frame]) -> Iterator[Frame]:
 
 
 def names(frames: Iterable[Frame]) -> set[str]:
-    """`KIND.field` and `TOPIC.field` of every column."""
-    return {name for frame in frames for column in frame.columns for name in frame.full(column)}
+    """`KIND.field` and `TOPIC.field` of every column, but of what is only commanded."""
+    said = [frame for frame in frames if not kinds.COMMANDED.search(frame.name)]
+    return {name for frame in said for column in frame.columns for name in frame.full(column)}
 
 
 def profile(frames: Sequence[Frame]) -> Profile | None:

@@ -4,7 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.vehicle_messages import KINDS, RADIUS, TIME, V, write
+from support.vehicle_messages import (
+    ACCEL,
+    CLIMB,
+    EAST,
+    GYRO,
+    KINDS,
+    NORTH,
+    RADIUS,
+    TIME,
+    V,
+    write,
+    xyz,
+)
 
 from roadlog.ingest import ingest
 from roadlog.ingest.kinds import table
@@ -100,3 +112,44 @@ def test_wheels_without_another_speed_take_a_usual_radius_and_say_so(tmp_path):
     assert "a usual rolling radius of 0.31 m is assumed" in starter([path])
     path = write(tmp_path / "y.mcap", ["dbw_wheels", "imu", "navpvt"], "mcap")
     assert f"rolling radius {RADIUS} m by gnss.speed" in starter([path])
+
+
+def test_a_command_is_not_what_the_car_does(tmp_path):
+    """Of whatever type: `/cmd_vel` beside an odometry, and alone."""
+    type_ = KINDS["twist"][1]
+    faster = lambda k: {"twist": {"linear": xyz(1 + 1.2 * V[k], 0.0, 0.0)}}  # noqa: E731
+    for name in ("/cmd_vel", "/control/command/twist", "/twist_cmd"):
+        KINDS["wanted"] = (name, type_, faster, {})
+        try:
+            path = write(tmp_path / "x.mcap", ["wanted", "odometry", "imu"], "mcap")
+            alone = write(tmp_path / "y.mcap", ["wanted", "imu"], "mcap")
+        finally:
+            del KINDS["wanted"]
+        speed = next(t for t in ingest([path]).tables if t.topic == "/speed")
+        np.testing.assert_allclose(speed.columns["v"], V)
+        assert "speed.v" not in {m.role for m in ingest([alone]).mapped}
+
+
+def test_a_frame_that_says_ned_is_north_east_down(tmp_path):
+    topics = {
+        "imu": lambda k: {
+            "header": {"frame_id": "imu_ned"},
+            "angular_velocity": xyz(GYRO[0, k], -GYRO[1, k], -GYRO[2, k]),
+            "linear_acceleration": xyz(ACCEL[0, k], -ACCEL[1, k], -ACCEL[2, k]),
+        },
+        "map_twist": lambda k: {
+            "header": {"frame_id": "ned"},
+            "twist": {"linear": xyz(NORTH[k], EAST[k], -CLIMB[k])},
+        },
+    }
+    before = {name: KINDS[name] for name in topics}
+    try:
+        for name, of in topics.items():
+            KINDS[name] = (before[name][0], before[name][1], of, before[name][3])
+        path = write(tmp_path / "x.mcap", list(topics), "mcap")
+    finally:
+        KINDS.update(before)
+    tables = {t.topic: t.columns for t in ingest([path]).tables}
+    for role, expected in {**before["imu"][3], **before["map_twist"][3]}.items():
+        section, _, field = role.partition(".")
+        np.testing.assert_allclose(tables[f"/{section}"][field], expected, atol=1e-9)
