@@ -16,7 +16,8 @@ from collections.abc import Callable
 from functools import cache, cached_property, update_wrapper
 from typing import Any, Protocol
 
-OPTIONS: dict[str, Any] = {"cache": True, "nogil": True}
+# a wrapper for C, which nobody calls, would be compiled as well
+OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "no_cfunc_wrapper": True}
 # sums may be vectorised; NaN and infinity keep their meaning
 REORDERED: dict[str, Any] = {**OPTIONS, "fastmath": {"reassoc", "contract"}}
 

@@ -49,7 +49,7 @@ LAYERS = (
     ("log",),
     ("outlook", "export_files"),
     ("summary", "export", "verify", "roadlog"),
-    ("view", "reproduce", "doctor"),
+    ("view", "reproduce", "doctor", "warmup"),
     ("report",),
     ("cli",),
     ("__main__",),

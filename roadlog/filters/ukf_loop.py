@@ -79,6 +79,7 @@ def track(
     sd = np.empty((len(z), equations.outputs))
     states, m = len(tune.P0), z.shape[1]
     sizes = padded(max(states, m)), padded(2 * states + 1)
+    z, start = np.ascontiguousarray(z), np.ascontiguousarray(start)
     x, repaired = _compiled(model, z, start, frozen, tune, equations.angle, sd, *sizes)
     return Track(x, sd, repaired)
 

@@ -14,8 +14,13 @@ from packaging.requirements import Requirement
 from packaging.version import Version
 from support.drives import ROOT
 
-from roadlog import doctor
+from roadlog import doctor, warmup
+from roadlog.car.vehicle import Vehicle
 from roadlog.doctor import NOT_FOR_USERS
+from roadlog.drive import Drive
+from roadlog.errors import RoadlogError
+from roadlog.estimators import TABLE, get, run
+from roadlog.filters.compiling import compiling
 
 
 def test_a_healthy_installation(roadlog: Callable) -> None:
@@ -25,6 +30,37 @@ def test_a_healthy_installation(roadlog: Callable) -> None:
     core = {f["name"].split(">")[0]: f for f in findings if f["topic"] == "core"}
     assert {"numpy", "numba", "mcap", "typer"} <= set(core)
     assert all(f["ok"] for f in core.values())
+
+
+@pytest.mark.parametrize("task", warmup.ESTIMATORS)
+def test_warming_up_reaches_what_a_drive_would_compile(task: str, hill_drive: Drive) -> None:
+    """Where the task has run, no estimator compiles anything."""
+    warmup.exercise(task)
+    for name in warmup.ESTIMATORS[task]:
+        if get(name).refusal(hill_drive):
+            continue
+        with compiling(name) as count:
+            run(name, hill_drive, Vehicle())
+        assert count.seconds == 0.0
+
+
+def test_every_estimator_with_a_loop_is_warmed_up() -> None:
+    """An estimator whose module leads to a kernel belongs to a task."""
+    warmed = {name for names in warmup.ESTIMATORS.values() for name in names}
+    drive = warmup.short_drive()
+    for name in set(TABLE) - warmed:
+        if get(name).refusal(drive):
+            continue
+        with compiling(name) as count:
+            run(name, drive, Vehicle())
+        assert count.seconds == 0.0, name
+
+
+def test_a_task_that_fails_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(warmup, "TASKS", ("nothing",))
+    wait = next(warmup.warm())
+    with pytest.raises(RoadlogError, match="nothing: did not compile"):
+        wait()
 
 
 def test_what_is_missing_is_named_with_the_command(monkeypatch: pytest.MonkeyPatch) -> None:

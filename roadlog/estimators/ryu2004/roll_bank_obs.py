@@ -204,7 +204,8 @@ def _compiled(
 ) -> tuple[Floats, Floats, Floats]:
     n = len(z)
     xs, sds, total_sd = np.empty((n, STATES)), np.empty((n, STATES)), np.empty(n)
-    P, FP, Ph = np.zeros((STATES, STATES)), np.empty((STATES, STATES)), np.empty(STATES)
+    P, FP = np.zeros((STATES, STATES)), np.empty((STATES, STATES))
+    h, Ph = np.empty(STATES), np.empty(STATES)
     for i in range(STATES):
         P[i, i] = INITIAL_VARIANCE[i]
     at = 0.0
@@ -230,8 +231,9 @@ def _compiled(
             if np.isfinite(z[k, i]):
                 residual = z[k, i]
                 for j in range(STATES):
-                    residual -= H[i, j] * x[j]
-                correct_scalar(x, P, residual, H[i], R[i], Ph)
+                    h[j] = H[i, j]
+                    residual -= h[j] * x[j]
+                correct_scalar(x, P, residual, h, R[i], Ph)
         for i in range(STATES):
             sds[k, i] = np.sqrt(P[i, i])
         total_sd[k] = np.sqrt(P[2, 2] + P[4, 4] + 2 * P[2, 4])
