@@ -18,7 +18,7 @@ from roadlog.types import Bools, Floats
 from roadlog.view import colors
 from roadlog.view.curves import Curve
 from roadlog.view.fields import FieldPlot
-from roadlog.view.model import DriveView, Inputs
+from roadlog.view.model import BAND_ROOM, DriveView, Inputs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +28,6 @@ SUFFIXES = (".png", ".svg", ".pdf")
 WIDTH, ROW = 11.0, 2.1  # inches
 DPI = 150  # of a png
 BAND = 0.18  # opacity
-BAND_ROOM = 2.4  # of the median sd, that an error axis reaches: the band's edges are seen
 FOOT = 0.025  # of an axis' height, that marks a stop
 STANDING = 0.05  # m/s, as drawn
 MANY = 20_000  # samples, above which an svg or pdf holds the curves as a picture

@@ -29,7 +29,7 @@ STATES = {
     "standing": 0x999999,
     "straight": 0x56B4E9,
     "turning": 0xE69F00,
-    "into the stop": 0xD55E00,
+    "into the stop, reverse time": 0xD55E00,
     "out of the stop": 0x009E73,
     "no IMU": 0xCC3311,
     "no speed": 0xCC3311,
@@ -84,7 +84,10 @@ def _stop_lane(run: Run, label: str) -> Lane | None:
     length = np.nan_to_num(np.asarray(table.columns["duration"], np.float64))
     kind = np.asarray(table.columns["kind"])
     masks = {}
-    for code, name in ((DECELERATION, "into the stop"), (ACCELERATION, "out of the stop")):
+    for code, name in (
+        (DECELERATION, "into the stop, reverse time"),
+        (ACCELERATION, "out of the stop"),
+    ):
         mask = np.zeros(len(run.drive), np.bool_)
         for t, d in zip(start[kind == code], length[kind == code], strict=True):
             first, last = (t - d, t) if code == DECELERATION else (t, t + d)

@@ -29,6 +29,7 @@ SHOWN_FIRST = 3  # estimators of one angle that are drawn when a tab opens; more
 UNSURE = 1.0  # degrees; one whose own sd mostly exceeds this is not drawn at first
 RANGE_SHARE = 99.5  # %, of an estimate's values that its axis shows; spikes may leave it
 LABEL_SHARE = 9.0  # an axis of more than this many powers of ten labels only every tenth
+BAND_ROOM = 2.4  # of the median sd, that an error axis reaches: the band's edges are seen
 BINS = 60  # of an error histogram
 
 
@@ -269,7 +270,10 @@ def _inputs(drives: Sequence[Run]) -> dict[str, dict[str, Inputs]]:
 
 
 def _range(truth: Sequence[Curve], curves: Sequence[Curve]) -> tuple[float, float]:
-    """All of the truth, or of the first curve, and of the others what is near to it."""
+    """All of the truth, or of the first curve, and of the others what is near to it.
+
+    The middle of every curve is inside, however far off the truth: what is drawn can be seen.
+    """
     reference = [_extent(curve, 100.0) for curve in truth] or [
         _extent(curve, RANGE_SHARE) for curve in curves[:1]
     ]
@@ -281,6 +285,8 @@ def _range(truth: Sequence[Curve], curves: Sequence[Curve]) -> tuple[float, floa
     others = [e for e in (_extent(curve, RANGE_SHARE) for curve in curves) if e is not None]
     low = max(min([low, *(e[0] for e in others)]), low - beyond)
     high = min(max([high, *(e[1] for e in others)]), high + beyond)
+    middles = [e[0] for e in (_extent(curve, 50.0) for curve in curves) if e is not None]
+    low, high = min([low, *middles]), max([high, *middles])
     margin = 0.08 * max(high - low, 0.5)
     return _labeled(low - margin, high + margin)
 
@@ -294,12 +300,16 @@ def _extent(curve: Curve, share: float) -> tuple[float, float] | None:
 
 
 def _symmetric(curves: Sequence[Curve]) -> tuple[float, float]:
-    """Plus and minus the size that most errors stay below, whatever the worst estimator does."""
+    """Plus and minus the size that most errors stay below, whatever the worst estimator does, and
+    the edges of the bands.
+    """
     sizes = [np.abs(c.values[np.isfinite(c.values)]) for c in curves]
     tops = sorted(float(np.percentile(size, RANGE_SHARE)) for size in sizes if len(size))
     if not tops or tops[-1] == 0:
         return -1.0, 1.0
-    top = min(tops[-1], 3 * tops[len(tops) // 2])
+    bands = [c.sd[np.isfinite(c.sd)] for c in curves if c.sd is not None]
+    widest = max((BAND_ROOM * float(np.median(sd)) for sd in bands if len(sd)), default=0.0)
+    top = max(min(tops[-1], 3 * tops[len(tops) // 2]), widest / 1.15)
     return _labeled(-1.15 * top, 1.15 * top)
 
 

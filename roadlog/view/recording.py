@@ -363,7 +363,7 @@ def _stops(recording: rr.RecordingStream, label: str, picture: StopPicture) -> N
 def _window_color(into: bool, valid: bool) -> int:
     if not valid:
         return colors.TRUTH
-    return STATES["into the stop" if into else "out of the stop"]
+    return STATES["into the stop, reverse time" if into else "out of the stop"]
 
 
 def _times(seconds: Floats, distance: Floats | None) -> list[rr.TimeColumn]:

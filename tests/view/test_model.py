@@ -11,7 +11,8 @@ from roadlog import metrics
 from roadlog.errors import MissingSignalError
 from roadlog.log import DriveLog
 from roadlog.view import colors
-from roadlog.view.model import SHOWN_FIRST, drive_view
+from roadlog.view.curves import Curve
+from roadlog.view.model import SHOWN_FIRST, _range, _symmetric, drive_view
 
 
 def test_curves_are_in_degrees_on_the_drive_clock(log: DriveLog) -> None:
@@ -92,7 +93,7 @@ def test_lanes_say_what_the_car_does(log: DriveLog) -> None:
     lanes = drive_view(log).lanes
     assert lanes["motion"].states == ("straight",)
     stops = lanes["static_slope"]
-    assert stops.states == ("", "into the stop", "", "out of the stop", "")
+    assert stops.states == ("", "into the stop, reverse time", "", "out of the stop", "")
     assert_allclose(stops.time, [0.0, 18.0, 20.05, 30.0, 31.55], atol=0.051)
 
 
@@ -138,3 +139,14 @@ def test_truth_rarer_than_the_screen_is_joined_by_a_line(tmp_path: Path) -> None
     view = drive_view(log, rate=200.0)
     assert np.isfinite(view.truth["grade"]["truth"].values).all()
     assert len(view.truth["grade"]["truth"].time) == DURATION * 200 + 1
+
+
+def test_an_estimate_far_off_the_truth_is_still_on_its_axis() -> None:
+    """And the edges of a wide band are on the axis of the errors."""
+    time = np.arange(200.0)
+    truth, off = Curve(time, np.zeros(200)), Curve(time, np.full(200, -3.0), np.full(200, 0.4))
+    low, high = _range([truth], [off])
+    assert low < -3.0 < 0.0 < high
+    low, high = _symmetric([Curve(time, np.full(200, 0.05), np.full(200, 0.4))])
+    assert low < -0.8
+    assert high > 0.8
