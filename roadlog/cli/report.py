@@ -39,6 +39,10 @@ Threshold = Annotated[
     typer.Option(metavar="PERCENT", min=0.0, help="What counts as worse, with --against."),
 ]
 
+OneFile = Annotated[
+    bool, typer.Option("--one-file", help="Also DIR/report.html, a page to send, all in it.")
+]
+
 
 def report(
     out: Annotated[str, typer.Option("-o", "--out", metavar="DIR", help="Folder or URL to fill.")],
@@ -64,6 +68,7 @@ def report(
     ] = False,
     against: Against = None,
     threshold: Threshold = 10.0,
+    one_file: OneFile = False,
     force: options.Force = False,
 ) -> None:
     """Estimate, evaluate and compare many drives: a table and a page, DIR/index.html.
@@ -84,7 +89,8 @@ def report(
     if against:
         check_other(out, against)
         read_report(against)  # a wrong name should not show after hours of work
-    finished = partial(finish, against=against or "", threshold=threshold / 100)
+    against, threshold = against or "", threshold / 100
+    finished = partial(finish, against=against, threshold=threshold, one_file=one_file)
     if paths:
         work = _options(names, vehicle, profile, write_back)
         made = _worked(paths, work, _engine(jobs, cluster), resume, out, force, finished)

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from roadlog.roads.model import RoadModel
 
 INDEX = "index.html"
+ONE_FILE = "report.html"
 ASSETS = "assets"
 PAGE_LOGS = 20_000  # that the index holds; of more, what failed and the worst
 SHOWN_ROADS, ROAD_POINTS = 60, 9000  # stretches, and points of them all; the table has the rest
@@ -40,13 +41,18 @@ FIGURES = {"rmse": "rmse_deg", "bias": "bias_deg", "inside": "within_2sd", "vali
 
 def write_assets(folder: Path) -> None:
     """What the pages share: plotly, style and scripts."""
-    from plotly.offline import get_plotlyjs
-
     assets = folder / ASSETS
     assets.mkdir(exist_ok=True)
-    write(assets / "plotly.min.js", get_plotlyjs())
+    write(assets / "plotly.min.js", _plotly())
     for name in ("report.css", "common.js", "detail.js"):
         write(assets / name, _text(name))
+
+
+def _plotly() -> str:
+    from plotly.offline import get_plotlyjs
+
+    text: str = get_plotlyjs()
+    return text
 
 
 def detail_page(name: str, data: str) -> str:
@@ -84,12 +90,19 @@ def write_index(
     options: Options,
     profile: RoadProfile | None = None,
     comparison: Comparison | None = None,
+    *,
+    one_file: bool = False,
 ) -> None:
-    """`index.html` over all rows, replaced at once."""
+    """`index.html` over all rows, replaced at once.
+
+    one_file: instead `report.html`, which needs no other file and so has no page a log.
+    """
     ranked = ranking(rows)
     shown = _shown(rows, ranked)
     data = _data(shown, ranked, len(rows) - len(shown))
     data["facts"] = _facts(rows)
+    if one_file:
+        data["logs"]["detail"] = [None] * len(shown)
     stretches = None
     if profile is not None and profile.models:
         data["stretches"], stretches = _roads(profile, shown), _roads_in_words(profile)
@@ -108,8 +121,9 @@ def write_index(
         versions=_versions(options),
         parameters=_parameters(rows),
         data=script_json(data),
+        inline=_plotly().replace("</script", "<\\/script") if one_file else "",
     )
-    write(folder / INDEX, page)
+    write(folder / (ONE_FILE if one_file else INDEX), page)
 
 
 def _shown(rows: Sequence[Row], ranked: Mapping[str, list]) -> Sequence[Row]:

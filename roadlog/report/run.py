@@ -33,9 +33,10 @@ ROAD_PROFILE = "road_profile"  # .csv and .parquet
 OPTIONS = "options.json"  # what the rows were made with
 MARKER = ".roadlog-report"  # says that a folder is ours
 MARKED = "A report of roadlog: it may replace what is in this folder.\n"
-OURS = frozenset([DETAILS, PASSES, OPTIONS, table.ROWS, page.INDEX, page.ASSETS, COMPARISON]).union(
-    s + suffix for s in (*table.STEMS, ROAD_PROFILE) for suffix in (".csv", ".parquet")
-)
+TABLES = (*table.STEMS, ROAD_PROFILE)
+OURS = frozenset(
+    [DETAILS, PASSES, OPTIONS, table.ROWS, page.INDEX, page.ONE_FILE, page.ASSETS, COMPARISON]
+).union(stem + suffix for stem in TABLES for suffix in (".csv", ".parquet"))
 
 
 @dataclass(frozen=True)
@@ -137,10 +138,12 @@ def finish(
     against: str = "",
     threshold: float = 0.0,
     done_before: int = 0,
+    one_file: bool = False,
 ) -> Report:
     """Tables, road profile and index page of a report whose rows are there.
 
-    against: folder or URL of another report. Raises LogReadError, LogWriteError.
+    against: folder or URL of another report. one_file: also a page to send. Raises LogReadError,
+    LogWriteError.
     """
     comparison = compare(rows, read_report(against), against, threshold) if against else None
     try:
@@ -150,7 +153,8 @@ def finish(
         if comparison is not None:
             comparison.write(folder)
         page.write_assets(folder)
-        page.write_index(folder, rows, options, profile, comparison)
+        for alone in (False, True) if one_file else (False,):
+            page.write_index(folder, rows, options, profile, comparison, one_file=alone)
     except OSError as error:
         raise LogWriteError(f"{error.filename or folder}: {error.strerror}") from error
     return Report(rows, done_before, profile, comparison)

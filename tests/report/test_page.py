@@ -239,3 +239,12 @@ def test_twenty_thousand_logs(tmp_path: Path, page: Callable[[Path], Any]) -> No
     assert "1–100 of 400" in texts(opened, "#failures .pager")[0]
     choose(opened, "vehicle", "car 7")
     assert texts(opened, "#count") == ["667 of 20000 logs"]
+
+
+def test_one_file_needs_no_other(tmp_path: Path, page: Callable[[Path], Any]) -> None:
+    write_index(tmp_path, synthetic_rows(50), Options(), one_file=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
+    opened = page(tmp_path / "report.html")
+    assert texts(opened, "#count") == ["50 logs"]
+    assert texts(opened, "#distribution svg .boxlayer .trace path.box")
+    assert not texts(opened, "#drives a")
