@@ -50,9 +50,9 @@ class Way(NamedTuple):
 
 
 def _estimate(folder: Path, *, in_place: bool = False, out: str = "") -> None:
-    log = DriveLog(folder / LOG)
-    made = estimators.run(METHOD, log.drive(), log.vehicle)
-    with output(folder / out if out else None, [log.path], force=True):
+    with output(folder / out if out else None, [folder / LOG], force=True):
+        log = DriveLog(folder / LOG)
+        made = estimators.run(METHOD, log.drive(), log.vehicle)
         log.write([made], in_place=in_place, out=folder / out if out else None)
 
 

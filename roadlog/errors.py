@@ -5,12 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+LONGEST = 1900  # characters of a message
+
 
 class RoadlogError(Exception):
     """What was wrong, where (file, channel, time), what was found, and what to do."""
 
     def __str__(self) -> str:  # KeyError, a base of one subclass, would quote the text
-        return str(self.args[0]) if self.args else ""
+        text = str(self.args[0]) if self.args else ""
+        if len(text) <= LONGEST:
+            return text
+        half = LONGEST // 2  # it quotes something without end
+        return f"{text[:half]} ... {text[-half:]}"
 
 
 class LogReadError(RoadlogError):

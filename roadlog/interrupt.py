@@ -11,6 +11,7 @@ from __future__ import annotations
 import atexit
 import os
 import signal
+import sys
 import threading
 from types import FrameType
 from typing import NoReturn
@@ -72,6 +73,7 @@ def _raise(number: int, _frame: FrameType | None) -> None:
     if _seen:  # the first one is on its way
         return
     _seen.append(number)
+    sys.unraisablehook = lambda _: None  # a callback of a library swallows it with a traceback
     if number == signal.SIGTERM:
         raise SystemExit(TERMINATED)
     raise KeyboardInterrupt
