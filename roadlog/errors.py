@@ -13,6 +13,7 @@ class RoadlogError(Exception):
 
     def __str__(self) -> str:  # KeyError, a base of one subclass, would quote the text
         text = str(self.args[0]) if self.args else ""
+        text = "".join(c if c.isprintable() or c == "\n" else "?" for c in text)
         if len(text) <= LONGEST:
             return text
         half = LONGEST // 2  # it quotes something without end

@@ -28,7 +28,7 @@ def rotation(mount: Any, where: str) -> Floats:
     if keys == {"matrix"}:
         try:
             matrix = np.array(mount["matrix"], np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             matrix = np.empty(0)
         if matrix.shape != (3, 3):
             raise ConfigError(f"{where}: mount matrix must have three rows of three numbers")
