@@ -37,7 +37,18 @@ _parts: set[Path] = set()  # passing names that are in use
 
 _SCRATCH = re.compile(r"roadlog-([0-9a-f]{1,16})-[0-9a-f]{16}")
 _PART = re.compile(r"\.roadlog-([0-9a-f]{1,16})-[0-9a-f]{16}\.part")
-NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0) | os.O_CLOEXEC
+
+
+def _flags(*names: str) -> int:
+    """Those that this system has; without O_BINARY Windows changes line ends."""
+    found = 0
+    for name in names:
+        found |= getattr(os, name, 0)
+    return found
+
+
+NO_FOLLOW = _flags("O_NOFOLLOW", "O_BINARY", "O_CLOEXEC", "O_NOINHERIT")
+READ = os.O_RDONLY | _flags("O_NONBLOCK", "O_BINARY", "O_CLOEXEC", "O_NOINHERIT")
 
 
 class State(NamedTuple):

@@ -67,5 +67,5 @@ def release(columns: Iterable[NDArray]) -> None:
         base = column.base
         while base is not None and not isinstance(base, mmap.mmap):
             base = base.obj if isinstance(base, memoryview) else getattr(base, "base", None)
-        if base is not None:
+        if base is not None and hasattr(mmap, "MADV_DONTNEED"):  # Windows takes back what it needs
             base.madvise(mmap.MADV_DONTNEED)

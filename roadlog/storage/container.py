@@ -19,6 +19,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from roadlog import files
 from roadlog.errors import LogReadError
 from roadlog.files import State
 from roadlog.storage import records
@@ -61,7 +62,7 @@ class Source:
 
     def __init__(self, path: Path) -> None:
         try:  # without waiting: a pipe has nobody at its other end
-            handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
+            handle = os.open(path, files.READ)
         except OSError as error:
             raise LogReadError(f"{path}: cannot be opened: {error.strerror}") from error
         status = os.fstat(handle)

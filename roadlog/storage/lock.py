@@ -36,10 +36,14 @@ def exclusive(path: Path) -> Iterator[None]:
     without locks are taken as they are. Raises LogWriteError when the log cannot be opened, and
     where it stays locked.
     """
+    if fcntl is None:  # an open file could not be replaced either
+        with _beside(path):
+            yield
+        return
     deadline = time.monotonic() + LIMIT
     while True:
         try:
-            handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
+            handle = os.open(path, files.READ)
         except OSError as error:
             raise LogWriteError(f"{path}: cannot be opened: {error.strerror}") from error
         try:
@@ -50,6 +54,24 @@ def exclusive(path: Path) -> Iterator[None]:
                 return
         finally:
             os.close(handle)
+
+
+@contextmanager
+def _beside(path: Path) -> Iterator[None]:
+    """A lock on a file beside the log, where the system has none that outlives a replacement."""
+    from filelock import FileLock, Timeout
+
+    if not path.exists():
+        raise LogWriteError(f"{path}: cannot be opened: No such file or directory")
+    beside = FileLock(path.with_name(f".{path.name}.lock"))
+    try:
+        with beside.acquire(timeout=LIMIT):
+            yield
+    except Timeout:
+        raise LogWriteError(
+            f"{path}: stayed locked by another program for {LIMIT:.0f} s; nothing was written, run "
+            f"again when it is done"
+        ) from None
 
 
 def _is_there(handle: int, path: Path) -> bool:
