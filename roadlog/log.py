@@ -258,9 +258,11 @@ class DriveLog:
         vehicle: instead of the log's own. tables: of `inputs`, where they have been read already.
         """
         from roadlog import checks
+        from roadlog.ingest.advice import advised
 
         found = checks.check(tables or self.inputs(), vehicle or self.vehicle)
-        return [finding for finding in found if finding.level == "fault"]
+        faults = [finding for finding in found if finding.level == "fault"]
+        return advised(faults, self.metadata.get("profile", {}))
 
     @property
     def warnings(self) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from roadlog.errors import ConfigError
 from roadlog.rotation import from_rpy, is_rotation
 from roadlog.signals import AXES
 from roadlog.types import Floats
+
+_MOUNT = re.compile(r"mount = \{[^}]*\}")
 
 
 def rotation(mount: Any, where: str) -> Floats:
@@ -53,6 +56,25 @@ def rotation(mount: Any, where: str) -> Floats:
     if not is_rotation(matrix):
         raise ConfigError(f"{where}: mount is no rotation of right-handed axes")
     return matrix
+
+
+def through(advice: str, mount: Floats) -> str:
+    """Advice on axes that a profile's mount turned already, as one on the sensor's own axes."""
+
+    def own(match: re.Match[str]) -> str:
+        found = rotation(tomllib.loads(match[0])["mount"], "advice") @ mount
+        return f"mount = {written(found)}"
+
+    return _MOUNT.sub(own, advice)
+
+
+def written(matrix: Floats) -> str:
+    """A mount as a profile says it: by axes where it is one of right angles, else the matrix."""
+    rows = np.rint(matrix).astype(int)
+    if not np.allclose(rows, matrix, atol=1e-6):
+        return f"{{ matrix = {np.round(matrix, 4).tolist()} }}"
+    names = ["+-"[int(row.sum() < 0)] + AXES[int(np.argmax(np.abs(row)))] for row in rows[:2]]
+    return f'{{ forward = "{names[0]}", left = "{names[1]}" }}'
 
 
 def _axis(text: Any, where: str) -> Floats:

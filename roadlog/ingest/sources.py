@@ -27,6 +27,11 @@ from roadlog.spool import blocks, release
 from roadlog.storage import Table
 from roadlog.types import Stamps
 
+LIES = {  # devices that may lie in the car in any way
+    "phone": "the phone is taken as flat, its top forward",
+    "camera": "the camera is taken as upright, its lens forward",
+}
+
 
 @dataclass(frozen=True)
 class IngestResult:
@@ -128,8 +133,8 @@ def ingest(
     losses = [loss for recording in recordings for loss in recording.losses]
     losses += [loss for recording in recordings for loss in _backward(recording)]
     metadata = _records(profiles, clock, paths)
-    words = [] if given else [f"{s.path.name}: profile {s.profile.name}" for s in opened]
-    notes = [f"{text}, found by itself" for text in words]
+    inertial = any(m.role.startswith("imu.") for m in mapped)
+    notes = [] if given else [_by_itself(source, inertial) for source in opened]
     notes += [note for recording in recordings for note in recording.notes] + said + moved + doubts
     unusable = [f"{m.role}: no sample of {m.source} is usable" for m in mapped if not m.samples]
     (losses if given and not given.family else notes).extend(unusable)
@@ -143,6 +148,13 @@ def _on_clock(sources: Sequence[Source], clock: str) -> list[Source]:
         where = sources[0].path.name if sources else "nothing"
         raise ConfigError(f"{where}: only messages of a bag or MCAP have a clock to choose")
     return [source.on_clock(clock) for source in sources]
+
+
+def _by_itself(source: Source, inertial: bool) -> str:
+    """Which profile a source asked for, and how a device of one's own is taken to lie."""
+    said = f"{source.path.name}: profile {source.profile.name}, found by itself"
+    lies = LIES.get(source.profile.name, "") if inertial else ""
+    return f"{said}; {lies}: `roadlog profile new` finds how it lies" if lies else said
 
 
 def _records(

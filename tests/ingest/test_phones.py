@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from support.phone_drive import EPOCH
+from support.phone_drive import EPOCH, FLAT
 from support.phone_formats import APPS, DRIVE, phyphox
 from support.phone_variants import VARIANTS
 
@@ -17,6 +18,8 @@ from roadlog.ingest import IngestResult, ingest
 from roadlog.ingest.drafting.starter import starter
 from roadlog.ingest.formats import times
 from roadlog.ingest.profile import Profile
+from roadlog.log import DriveLog, create
+from roadlog.rotation import from_rpy
 
 APPS = {**APPS, **VARIANTS}
 WITH_GYRO = {name for name in APPS if name.split("_")[0] in ("phyphox", "sensor", "sensorlog")}
@@ -75,6 +78,7 @@ def test_every_app_gives_what_was_driven(tmp_path, name):
 def test_a_folder_of_one_recording_has_one_clock_and_no_linear_acceleration(tmp_path):
     result = ingest([phyphox(tmp_path)])
     assert not any("clock:" in note for note in result.notes)
+    assert any("the phone is taken as flat, its top forward" in note for note in result.notes)
     assert np.nanmean(table(result, "/imu").columns["accel_z"]) == pytest.approx(9.8, abs=0.02)
     only = tmp_path / "other"
     only.mkdir()
@@ -121,3 +125,31 @@ def test_dates_with_the_day_of_the_week_and_of_twelve_hours_are_understood(text,
     stamps, keep = times.from_texts([text], "log.csv")
     assert keep.all()
     assert stamps[0] * 1e-9 == seconds
+
+
+@pytest.mark.parametrize("turned", [(0, 0, 90), (0, -80, 0), (0, 90, 180)])
+def test_advice_on_a_mount_is_for_the_profile_that_has_one(tmp_path, turned):
+    lies = FLAT @ from_rpy(*np.radians(turned))
+    t = np.arange(0, 120, 0.02)
+    force, rate = DRIVE.phone(t, lies)
+    rows = np.column_stack([t, DRIVE.speed(t), force, rate])
+    path = tmp_path / "drive.csv"
+    np.savetxt(path, rows, "%.6f", ",", header="t,v,ax,ay,az,wx,wy,wz", comments="")
+    text = '[speed]\nv = { from = "v", unit = "m/s" }\n'
+    text += '[imu]\nmount = { forward = "+y", left = "-x" }\n'
+    for axis in "xyz":
+        text += f'accel_{axis} = {{ from = "a{axis}", unit = "m/s^2" }}\n'
+        text += f'gyro_{axis} = {{ from = "w{axis}", unit = "rad/s" }}\n'
+
+    def faults(text: str) -> list[str]:
+        result = ingest([path], Profile.from_toml(text, "new"))
+        out = tmp_path / "drive.mcap"
+        out.unlink(missing_ok=True)
+        create(out, result.tables, result.metadata)
+        with DriveLog(out) as log:
+            return [str(f) for f in log.faults() if f.check == "axes"]
+
+    (said,) = faults(text)
+    advised = re.search(r"\[imu\] (mount = \{[^}]*\})", said)
+    assert advised is not None, said
+    assert not faults(re.sub(r"mount = \{[^}]*\}", advised[1], text))
