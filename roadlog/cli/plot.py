@@ -23,6 +23,10 @@ def plot(
         list[str] | None,
         typer.Option("--detail", metavar="NAME", help="Draw this instead, as tires; repeatable."),
     ] = None,
+    angles: Annotated[
+        list[str] | None,
+        typer.Option("--angle", metavar="NAME", help="Only this one, as grade; repeatable."),
+    ] = None,
     over: Annotated[
         str, typer.Option(metavar="time|distance", help="What the angles are drawn over.")
     ] = "time",
@@ -39,7 +43,7 @@ def plot(
     Without -e the three most prominent estimators of each angle are drawn. --detail draws further
     channels of the estimators whose truth the log holds, like tire forces.
 
-    Example: roadlog plot drive.mcap -e fusion --over distance --from 500 --to 900 -o grade.svg
+    Example: roadlog plot drive.mcap -e fusion --angle grade --over distance --to 900 -o grade.svg
     """
     from roadlog.files import output
     from roadlog.log import DriveLog
@@ -52,7 +56,7 @@ def plot(
         )
     if over not in ("time", "distance"):
         raise typer.BadParameter("must be time or distance", param_hint="--over")
-    part = Part("distance" if over == "distance" else "time", first, last)
+    part = Part("distance" if over == "distance" else "time", first, last, tuple(angles or ()))
     with output(out, [*logs, profile], force=force):
         opened = [DriveLog(path, profile) for path in logs]
         shown = drive_view(opened, names or ())

@@ -30,16 +30,21 @@ DPI = 150  # of a png
 BAND = 0.18  # opacity
 FOOT = 0.025  # of an axis' height, that marks a stop
 STANDING = 0.05  # m/s, as drawn
+LEAST_ROOM_DEG = 0.2  # above and below what is drawn of a part
 MANY = 20_000  # samples, above which an svg or pdf holds the curves as a picture
 
 
 @dataclass(frozen=True)
 class Part:
-    """What a figure shows: over time (s) or distance (m), from first to last; None = all."""
+    """What a figure shows: over time (s) or distance (m), from first to last; None = all.
+
+    angles: these alone, () = all that the log has.
+    """
 
     over: Literal["time", "distance"] = "time"
     first: float | None = None
     last: float | None = None
+    angles: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:
@@ -88,6 +93,8 @@ def write_figure(
         raise LogReadError(
             f"{view.name}: has no estimates and no truth to draw; run `roadlog estimate` first"
         )
+    if absent := [angle for angle in part.angles if angle not in view.ranges]:
+        raise LogReadError(f"{view.name}: no angle '{absent[0]}'. {near(absent[0], view.ranges)}")
     drawn = [*view.truth.values(), *view.estimates.values()]
     if not any(part.inside(curve).any() for curves in drawn for curve in curves.values()):
         raise LogReadError(
@@ -107,7 +114,7 @@ def angle_figure(view: DriveView, part: Part = WHOLE) -> Figure:
     """The figure itself, for notebooks."""
     from matplotlib.figure import Figure
 
-    angles = list(view.ranges)
+    angles = [angle for angle in view.ranges if angle in (part.angles or view.ranges)]
     panels = [name for name in PANELS if view.inputs.get(name)]
     columns = 2 if view.errors else 1
     rows = len(angles) + -(-len(panels) // columns)
@@ -249,10 +256,24 @@ def _angle(
         drawn[name] = axis.plot(part.of(curve)[at], curve.values[at], color=color[name], lw=1.0)[0]
         _band(axis, curve, curve.values, color[name], part)
         _hatch(axis, curve, part)
-    _finish(axis, f"{angle} [°]", view.ranges[angle])
+    _finish(axis, f"{angle} [°]", _limits(view, angle, part))
     if angle == "grade":
         axis.secondary_yaxis("right", functions=(_percent, _degrees)).set_ylabel("grade [%]")
     return drawn
+
+
+def _limits(view: DriveView, angle: str, part: Part) -> tuple[float, float]:
+    """Of an angle's axis: the view's, or of a part what is drawn in it."""
+    if part.first is None and part.last is None:
+        return view.ranges[angle]
+    shown = [view.estimates[angle][name] for name in view.shown.get(angle, ())]
+    curves = [*view.truth.get(angle, {}).values(), *shown]
+    values = np.concatenate([curve.values[part.inside(curve)] for curve in curves])
+    if not np.isfinite(values).any():
+        return view.ranges[angle]
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    room = max(0.15 * (high - low), LEAST_ROOM_DEG)
+    return low - room, high + room
 
 
 def _errors(axis: Axes, view: DriveView, angle: str, part: Part, color: dict[str, str]) -> None:

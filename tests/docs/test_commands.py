@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 import shlex
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,7 +26,8 @@ ELSEWHERE = {
     "road": "tests/cli/test_road.py",
     ".xodr": "tests/cli/test_road.py, tests/view/test_surface.py",
     "--road": "tests/simulate/test_on_road.py",
-    "--truth-from": "tests/ingest/test_terrain.py, tests/simulate/test_on_road.py, test_survey.py",
+    ".tif": "tests/ingest/test_terrain.py, tests/simulate/test_on_road.py, test_survey.py",
+    "--detail": "tests/test_details.py, on a drive with the truth of its tires",
     "evaluate": "test_site.py, on the quick start's drive, which has truth",
 }
 UNITS = {"accel": "m/s^2", "gyro": "rad/s"}
@@ -102,6 +104,11 @@ def recording() -> None:
     hill(Path("drives/one.mcap"))
 
 
+def logger() -> None:
+    """The file that the tutorial begins with, by the script that it names."""
+    runpy.run_path(str(ROOT / "docs" / "examples" / "logger.py"))["write"](Path("pass.csv"))
+
+
 def scenario() -> None:
     """The page's own scenario file."""
     text = (ROOT / "docs" / "simulator.md").read_text(encoding="utf-8")
@@ -120,6 +127,7 @@ PAGES: dict[str, Callable[[], None]] = {
     "docs/ingest.md": ingested,
     "docs/report.md": drives,
     "docs/simulator.md": scenario,
+    "docs/tutorial.md": logger,
     "docs/view.md": drive,
 }
 

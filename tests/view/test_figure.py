@@ -51,6 +51,19 @@ def test_figure_over_a_part_of_the_distance(log: DriveLog) -> None:
     assert "kmbe RMSE" in figure.axes[1].get_title(loc="left")
     low, high = figure.axes[1].get_ylim()  # the band's edges are seen
     assert low < -2 * np.degrees(SD) < 2 * np.degrees(SD) < high
+    shown = np.concatenate([curve.get_ydata() for curve in figure.axes[0].get_lines()])
+    low, high = figure.axes[0].get_ylim()  # fits the part
+    assert low < shown.min() <= shown.max() < high
+    assert high - low < 1.5 * max(np.ptp(shown), 1.0)
+
+
+def test_figure_of_single_angles(log: DriveLog, tmp_path: Path) -> None:
+    view = drive_view(log, ["kmbe"])
+    assert len(view.ranges) > 1
+    labels = [axis.get_ylabel() for axis in angle_figure(view, Part(angles=("grade",))).axes]
+    assert [label for label in labels if label.endswith("[°]")] == ["grade [°]", "grade error [°]"]
+    with pytest.raises(LogReadError, match=r"no angle 'grde'\. Close: grade"):
+        write_figure(view, tmp_path / "x.png", Part(angles=("grde",)))
 
 
 @pytest.mark.parametrize(
