@@ -29,7 +29,7 @@ from rerun.chunk import Chunk, McapReader
 
 from roadlog.signals import SECTIONS
 from roadlog.storage import LogReader, Table, container, schemas, update_log, write_log
-from roadlog.storage.protobuf import _add_files
+from roadlog.storage.protobuf_fields import add_files
 from roadlog.storage.writer import ZSTD_LEVEL
 
 EPOCH_NS = 1_700_000_000_000_000_000
@@ -95,7 +95,7 @@ def write_stamped(path: Path, count: int) -> None:
     Timestamp.DESCRIPTOR.file.CopyToProto(stamp_file)
     files = [stamp_file, file]
     pool = descriptor_pool.DescriptorPool()
-    _add_files(pool, {one.name: one for one in files})
+    add_files(pool, {one.name: one for one in files})
     cls = message_factory.GetMessageClass(pool.FindMessageTypeByName("s.Sample"))
     data = descriptor_pb2.FileDescriptorSet(file=files).SerializeToString()
     rng = np.random.default_rng(2)

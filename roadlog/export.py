@@ -161,8 +161,11 @@ def _columns(reader: LogReader, topics: Sequence[str], roles: Sequence[str]) -> 
     chosen = sorted({*topics, *by_role} if topics or roles else everything)
     found = []
     for topic in (topic for topic in chosen if topic in there):
-        for field, values in reader.read([topic])[topic].columns.items():
-            wanted = topic in topics or not roles or field in by_role.get(topic, ())
+        table, is_whole = reader.read([topic])[topic], topic in topics or not roles
+        if table.unread and is_whole:
+            reader.losses.append(table.unread)
+        for field, values in table.columns.items():
+            wanted = is_whole or field in by_role.get(topic, ())
             if not wanted or values.dtype.kind not in "bifu":
                 continue
             if values.dtype.kind == "f" and not np.isfinite(values).any():

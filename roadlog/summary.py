@@ -104,6 +104,7 @@ def summarize(log: DriveLog) -> LogSummary:
         for topic, said in strays.items()
     ]
     found += [Finding("clocks", "note", (), note) for note in log.notes]
+    found += [Finding("unread", "note", (t.topic,), t.unread) for t in tables.values() if t.unread]
     profile = _profile(log.metadata.get("profile", {}))
     found += delays({entry.role: entry.delay for entry in profile or ()})
     try:

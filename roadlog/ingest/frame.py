@@ -47,11 +47,15 @@ class Frame:
 
 @dataclass(frozen=True)
 class Recording:
-    """What one source file or folder held, and what of it was lost."""
+    """What one source file or folder held, and what of it was lost.
+
+    unread: sentences on numbers of its messages that are in no frame.
+    """
 
     frames: tuple[Frame, ...]
     losses: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
 
 
 def joined(frames: Iterable[Frame]) -> list[Frame]:

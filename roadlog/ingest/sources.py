@@ -136,6 +136,7 @@ def ingest(
     inertial = any(m.role.startswith("imu.") for m in mapped)
     notes = [] if given else [_by_itself(source, inertial) for source in opened]
     notes += [note for recording in recordings for note in recording.notes] + said + moved + doubts
+    notes += [text for recording in recordings for text in recording.unread]
     unusable = [f"{m.role}: no sample of {m.source} is usable" for m in mapped if not m.samples]
     (losses if given and not given.family else notes).extend(unusable)
     notes += [f"check: {finding}" for finding in _findings(profiles, tables)]

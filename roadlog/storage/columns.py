@@ -35,15 +35,15 @@ class Matcher:
         self._mask = int.from_bytes(layout.mask, "little")
         self._masked = int.from_bytes(payload, "little") & self._mask
         self.tests: list[tuple[int, str, int, int]] = []
-        mask = np.frombuffer(layout.mask, np.uint8)
+        mask = layout.mask
         position = 0
         while position < len(mask):
             if not mask[position]:
                 position += 1
                 continue
-            room = int(np.argmin(np.append(mask[position : position + 8] != 0, False)))
+            room = (mask[position : position + 8] + b"\0").index(0)
             size = 1 << (room.bit_length() - 1)
-            bits = int.from_bytes(layout.mask[position : position + size], "little")
+            bits = int.from_bytes(mask[position : position + size], "little")
             expected = int.from_bytes(payload[position : position + size], "little") & bits
             self.tests.append((MESSAGE_HEAD + position, f"<u{size}", bits, expected))
             position += size
@@ -77,7 +77,8 @@ class Columns:
     end_ns: half-open range of log times. capacity: messages to expect. ordered: by
     time in the end, else as in the file. by_hand: messages that no
     layout fitted; lost: of these, the ones that could not be decoded. beyond: messages left out
-    because no int64 holds their time.
+    because no int64 holds their time. unread: what has numbers that are in no column, where all
+    are wanted.
     """
 
     codec: Codec | None
@@ -91,6 +92,7 @@ class Columns:
     by_hand: int = 0
     lost: int = 0
     beyond: int = 0
+    unread: set[str] = field(default_factory=set)
     _layouts: dict[int, list[Matcher]] = field(default_factory=dict)
     _columns: dict[str, NDArray] = field(default_factory=dict)
 
@@ -212,6 +214,7 @@ class Columns:
                 matrix, rows = self._part(None, matrix, rows, alone)
             else:
                 known.append(Matcher(layout, payload))
+                self._note_unread(payload)
                 matrix, rows = self._part(layout, matrix, rows, known[-1](matrix))
 
     def _part(
@@ -233,7 +236,8 @@ class Columns:
         for name, place in layout.values.items():
             if self._is_wanted(name):
                 self._put(name, rows, stored(matrix, place))
-        for name in self._columns.keys() - layout.values.keys():
+        absent = {name for name in layout.absent if self._is_wanted(name)}
+        for name in (self._columns.keys() | absent) - layout.values.keys():
             self._put(name, rows, np.asarray(layout.absent.get(name, np.nan)))
 
     def _put_by_hand(self, matrix: Bytes, rows: Rows) -> None:
@@ -245,11 +249,16 @@ class Columns:
             except Exception:  # a payload is anyone's, and so may a codec be
                 self.lost += 1
                 found.append({})
+            self._note_unread(payload.tobytes())
         self.by_hand += len(found)
         names = dict.fromkeys(name for values in found for name in values if self._is_wanted(name))
         for name in [*names, *(self._columns.keys() - names.keys())]:
             values = [value.get(name, np.nan) for value in found]
             self._put(name, rows, _array(values, self.codec.dtypes.get(name)))
+
+    def _note_unread(self, payload: bytes) -> None:
+        if self.codec is not None and self.wanted is None:
+            self.unread |= self.codec.unread(payload)
 
     def _put(self, name: str, rows: Rows, values: NDArray) -> None:
         column = self._columns.get(name)

@@ -76,6 +76,11 @@ class Codec(ABC):
         del payload
         return None
 
+    def unread(self, payload: bytes) -> frozenset[str]:
+        """What has numbers that `decode` leaves out: fields, or the end of a list."""
+        del payload
+        return frozenset()
+
     def texts(self, payload: bytes) -> Mapping[str, str]:
         """Field path -> text, of fields that are no numbers. Raises ValueError."""
         del payload

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from roadlog.errors import ConfigError, near
 from roadlog.spool import release
 from roadlog.storage import records, schemas
-from roadlog.storage.protobuf import LENGTH, SCALARS, VARINT, ZIGZAG
+from roadlog.storage.protobuf_fields import LENGTH, SCALARS, VARINT, ZIGZAG
 from roadlog.storage.table import Table
 
 HEAD = [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
 from functools import cached_property
@@ -10,59 +10,25 @@ from typing import Any
 
 import numpy as np
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message import DecodeError
 
 from roadlog.storage.encodings import Codec, Encoding, Layout, Value
+from roadlog.storage.protobuf_fields import (
+    FIXED32,
+    FIXED64,
+    LENGTH,
+    VARINT,
+    Field,
+    Tree,
+    add_files,
+    implicit,
+)
 from roadlog.storage.records import Damage, Schema
-
-VARINT, FIXED64, LENGTH, FIXED32 = 0, 1, 2, 5  # wire types; groups (3, 4) have no layout
-MAX_DEPTH = 16  # of nested messages whose fields become columns
-MAX_ELEMENTS = 64  # of a repeated field that become columns
-MAX_COLUMNS = 4096  # of one message; a schema with more is refused
-
-# field type -> wire type and column dtype of what has a fixed width; the rest is below
-_F = FieldDescriptor
-SCALARS: dict[int, tuple[int, str]] = {
-    _F.TYPE_DOUBLE: (FIXED64, "<f8"),
-    _F.TYPE_FLOAT: (FIXED32, "<f4"),
-    _F.TYPE_FIXED64: (FIXED64, "<u8"),
-    _F.TYPE_SFIXED64: (FIXED64, "<i8"),
-    _F.TYPE_FIXED32: (FIXED32, "<u4"),
-    _F.TYPE_SFIXED32: (FIXED32, "<i4"),
-    _F.TYPE_INT64: (VARINT, "<i8"),
-    _F.TYPE_UINT64: (VARINT, "<u8"),
-    _F.TYPE_SINT64: (VARINT, "<i8"),
-    _F.TYPE_INT32: (VARINT, "<i4"),
-    _F.TYPE_UINT32: (VARINT, "<u4"),
-    _F.TYPE_SINT32: (VARINT, "<i4"),
-    _F.TYPE_ENUM: (VARINT, "<i4"),
-    _F.TYPE_BOOL: (VARINT, "?"),
-}
-ZIGZAG = (_F.TYPE_SINT32, _F.TYPE_SINT64)
+from roadlog.storage.walk import NAMES
 
 
 class Unfit(Exception):
     """A payload that has no layout: broken, or with a group in it."""
-
-
-@dataclass(frozen=True)
-class _Field:
-    """One field of a message on its path from the root.
-
-    wire: expected wire type. dtype: of a number, None for everything else. oneof: its other
-    members are cleared when this one is set.
-    """
-
-    path: str
-    name: str
-    wire: int
-    dtype: np.dtype | None
-    zigzag: bool
-    is_repeated: bool
-    has_presence: bool
-    oneof: str
-    children: Mapping[int, _Field] | None = None
 
 
 @dataclass
@@ -73,6 +39,8 @@ class _Found:
     values: dict[str, Value] = dataclass_field(default_factory=dict)
     present: set[str] = dataclass_field(default_factory=lambda: {""})
     elements: dict[str, int] = dataclass_field(default_factory=dict)
+    zeros: set[str] = dataclass_field(default_factory=set)  # columns that elements may leave out
+    labels: dict[str, str] = dataclass_field(default_factory=dict)  # of elements
 
 
 class Protobuf(Codec):
@@ -82,38 +50,12 @@ class Protobuf(Codec):
         try:
             files = descriptor_pb2.FileDescriptorSet.FromString(schema.data).file
             pool = descriptor_pool.DescriptorPool()
-            _add_files(pool, {file.name: file for file in files})
+            add_files(pool, {file.name: file for file in files})
             self._descriptor = pool.FindMessageTypeByName(schema.name)
         except (DecodeError, TypeError, KeyError, ValueError) as error:
             raise Damage(f"its schema cannot be used: {str(error).strip()}") from error
-        self.dtypes: dict[str, np.dtype] = {}
-        self._presence: dict[str, tuple[str, bool]] = {}  # column -> message it is in, presence
-        self._fields = self._tree(self._descriptor, "", ())
-
-    def _tree(
-        self, descriptor: Descriptor, parent: str, above: tuple[str, ...]
-    ) -> dict[int, _Field]:
-        result = {}
-        for field in descriptor.fields:
-            path = f"{parent}.{field.name}" if parent else field.name
-            wire, code = SCALARS.get(field.type, (LENGTH, ""))
-            dtype = np.dtype(code) if code else None
-            children = None
-            if field.message_type is not None and not field.is_repeated:
-                name = field.message_type.full_name
-                if field.type == _F.TYPE_MESSAGE and name not in above and len(above) < MAX_DEPTH:
-                    children = self._tree(field.message_type, path, (*above, name))
-            if dtype is not None and not field.is_repeated:
-                self.dtypes[path] = np.dtype(np.float64) if dtype.kind == "f" else dtype
-                self._presence[path] = parent, field.has_presence
-            if len(self.dtypes) > MAX_COLUMNS:
-                raise Damage(f"its schema has more than {MAX_COLUMNS} numbers")
-            oneof = field.containing_oneof.name if field.containing_oneof is not None else ""
-            result[field.number] = _Field(
-                path, field.name, wire, dtype, field.type in ZIGZAG, field.is_repeated,
-                field.has_presence, oneof, children,
-            )  # fmt: skip
-        return result
+        tree = Tree(self._descriptor)
+        self.dtypes, self._presence, self._fields = tree.dtypes, tree.presence, tree.fields
 
     def layout(self, payload: bytes) -> Layout | None:
         found = _Found(bytearray(len(payload)))
@@ -126,11 +68,14 @@ class Protobuf(Codec):
             if name not in found.values:
                 is_default = parent in found.present and not has_presence
                 absent[name] = 0.0 if is_default else np.nan
+        absent |= {name: 0.0 for name in found.zeros if name not in found.values}
         return Layout(found.values, absent, bytes(found.mask))
 
     def _parse(
-        self, fields: Mapping[int, _Field], data: bytes, position: int, end: int, found: _Found
-    ) -> None:
+        self, fields: Mapping[int, Field], data: bytes, position: int, end: int, found: _Found,
+        prefix: str = "",
+    ) -> None:  # fmt: skip
+        """prefix: of the paths, in an element of a list."""
         while position < end:
             tag, position = _fixed_varint(data, position, found.mask)
             wire = tag & 7
@@ -156,41 +101,86 @@ class Protobuf(Codec):
             if position > end or not tag >> 3:
                 raise Unfit
             if field is not None:
-                self._note(fields, field, wire, data, start, size, found)
+                self._note(fields, field, wire, data, start, size, found, prefix)
 
     def _note(
-        self, fields: Mapping[int, _Field], field: _Field, wire: int, data: bytes, start: int,
-        size: int, found: _Found,
+        self, fields: Mapping[int, Field], field: Field, wire: int, data: bytes, start: int,
+        size: int, found: _Found, prefix: str,
     ) -> None:  # fmt: skip
         """One occurrence of a field whose value lies at `start`."""
+        path = prefix + field.path
         if field.is_repeated:
-            if field.dtype is not None and field.wire != VARINT and wire in (field.wire, LENGTH):
-                self._elements(field, start, size, found)
+            if field.children is not None and wire == LENGTH:
+                self._element(field, path, data, start, size, found)
+            elif field.dtype is not None and wire in (field.wire, LENGTH):
+                self._numbers(field, path, data, start, size, found)
             return
         if wire != field.wire:
             return  # as protobuf does: a field that it does not know
         if field.oneof:
             for other in fields.values():
                 if other.oneof == field.oneof and other is not field:
-                    _forget(other.path, found)
+                    _forget(prefix + other.path, found)
         if field.children is not None:
-            found.present.add(field.path)
-            self._parse(field.children, data, start, start + size, found)
+            found.present.add(path)
+            self._parse(field.children, data, start, start + size, found, prefix)
         elif field.dtype is not None:
             varint = size if wire == VARINT else 0
-            found.values[field.path] = Value(start, field.dtype, varint, field.zigzag)
+            found.values[path] = Value(start, field.dtype, varint, field.zigzag)
+        elif field.is_label:
+            found.mask[start : start + size] = b"\xff" * size
+            found.labels[path] = data[start : start + size].decode(errors="replace")
+
+    def _element(
+        self, field: Field, path: str, data: bytes, start: int, size: int, found: _Found
+    ) -> None:
+        """One message of a list: by its number and, where it has a name, by that too."""
+        k = found.elements.get(path, 0)
+        if field.children is None or k == field.limit:
+            return
+        found.elements[path] = k + 1
+        prefix = f"{path}.{k}."
+        self._parse(field.children, data, start, start + size, found, prefix)
+        zeros = [
+            name
+            for parent, name in implicit(field.children)
+            if not parent or prefix + parent in found.present
+        ]
+        found.zeros.update(prefix + name for name in zeros)
+        inside = [key[len(prefix) :] for key in found.values if key.startswith(prefix)]
+        for name in NAMES:
+            alias = f"{path}[{name}={found.labels.get(prefix + name, '')}]"
+            if alias in found.present or not found.labels.get(prefix + name):
+                continue
+            found.present.add(alias)
+            found.values.update({f"{alias}.{key}": found.values[prefix + key] for key in inside})
+            found.zeros.update(f"{alias}.{key}" for key in zeros)
 
     @staticmethod
-    def _elements(field: _Field, start: int, size: int, found: _Found) -> None:
+    def _numbers(
+        field: Field, path: str, data: bytes, start: int, size: int, found: _Found
+    ) -> None:
+        """Elements of a list of numbers, packed or one alone."""
         assert field.dtype is not None
-        if size % field.dtype.itemsize:
-            raise Unfit
-        for offset in range(start, start + size, field.dtype.itemsize):
-            k = found.elements.get(field.path, 0)
-            if k == MAX_ELEMENTS:
+        position, end = start, start + size
+        while position < end:
+            k = found.elements.get(path, 0)
+            if k == field.limit:
                 return
-            found.values[f"{field.path}.{k}"] = Value(offset, field.dtype)
-            found.elements[field.path] = k + 1
+            first, varint = position, 0
+            if field.wire == VARINT:
+                while data[position] & 0x80:
+                    found.mask[position] = 0x80
+                    position += 1
+                found.mask[position] = 0x80
+                position += 1
+                varint = position - first
+            else:
+                position += field.dtype.itemsize
+            if position > end or varint > 10:
+                raise Unfit
+            found.values[f"{path}.{k}"] = Value(first, field.dtype, varint, field.zigzag)
+            found.elements[path] = k + 1
 
     @cached_property
     def _class(self) -> Any:
@@ -203,20 +193,63 @@ class Protobuf(Codec):
             raise ValueError(str(error)) from error
         return dict(_numbers(message, self._fields))
 
+    def unread(self, payload: bytes) -> frozenset[str]:
+        try:
+            return frozenset(_unread(self._class.FromString(payload), self._fields))
+        except DecodeError:
+            return frozenset()
 
-def _numbers(message: Any, fields: Mapping[int, _Field]) -> Iterator[tuple[str, Any]]:
+
+def _numbers(
+    message: Any, fields: Mapping[int, Field], prefix: str = ""
+) -> Iterator[tuple[str, Any]]:
     for field in fields.values():
+        path = prefix + field.path
         if field.is_repeated:
-            if field.dtype is not None and field.wire != VARINT:
-                values = getattr(message, field.name)[:MAX_ELEMENTS]
-                yield from ((f"{field.path}.{k}", value) for k, value in enumerate(values))
+            values = getattr(message, field.name)[: field.limit]
+            if field.children is not None:
+                yield from _of_elements(values, field.children, path)
+            elif field.dtype is not None:
+                yield from ((f"{path}.{k}", value) for k, value in enumerate(values))
         elif field.children is not None:
             if message.HasField(field.name):
-                yield from _numbers(getattr(message, field.name), field.children)
+                yield from _numbers(getattr(message, field.name), field.children, prefix)
         elif field.dtype is not None and not (
             field.has_presence and not message.HasField(field.name)
         ):
-            yield field.path, getattr(message, field.name)
+            yield path, getattr(message, field.name)
+
+
+def _of_elements(
+    elements: Sequence[Any], fields: Mapping[int, Field], path: str
+) -> Iterator[tuple[str, Any]]:
+    """By number and by name; of elements with one name it is the first."""
+    aliases: set[str] = set()
+    for k, element in enumerate(elements):
+        values = list(_numbers(element, fields))
+        labels = [(f.name, getattr(element, f.name)) for f in fields.values() if f.is_label]
+        names = {f"{path}[{name}={label}]" for name, label in labels if label} - aliases
+        aliases |= names
+        for owner in (f"{path}.{k}", *names):
+            yield from ((f"{owner}.{key}", value) for key, value in values)
+
+
+def _unread(message: Any, fields: Mapping[int, Field], prefix: str = "") -> Iterator[str]:
+    """What of a message has numbers that are in no column; elements are not told apart."""
+    for field in fields.values():
+        path, values = prefix + field.path, getattr(message, field.name)
+        if not field.is_repeated:
+            if field.wire != LENGTH or not field.has_presence or not message.HasField(field.name):
+                continue
+            values = [values]
+        if field.is_cut and len(values):
+            yield path
+        if (field.children or field.dtype) and len(values) > field.limit:
+            yield f"{path} after the first {field.limit}"
+        if field.children is not None:
+            inside = f"{path}." if field.is_repeated else prefix
+            for value in values[: field.limit]:
+                yield from _unread(value, field.children, inside)
 
 
 def _fixed_varint(data: bytes, position: int, mask: bytearray) -> tuple[int, int]:
@@ -241,25 +274,10 @@ def _forget(path: str, found: _Found) -> None:
         del found.values[name]
     for name in [n for n in found.elements if n.startswith(inside)]:
         del found.elements[name]
+    for name in [n for n in found.labels if n == path or n.startswith(inside)]:
+        del found.labels[name]
     found.present -= {n for n in found.present if n == path or n.startswith(inside)}
-
-
-def _add_files(
-    pool: descriptor_pool.DescriptorPool, files: Mapping[str, descriptor_pb2.FileDescriptorProto]
-) -> None:
-    """Add files after those that they import, in whatever order they come."""
-    added: set[str] = set()
-
-    def add(name: str, above: tuple[str, ...]) -> None:
-        if name in added or name not in files or name in above:
-            return
-        for dependency in files[name].dependency:
-            add(dependency, (*above, name))
-        pool.Add(files[name])
-        added.add(name)
-
-    for name in files:
-        add(name, ())
+    found.zeros -= {n for n in found.zeros if n.startswith(inside)}
 
 
 ENCODING = Encoding("protobuf", ("protobuf",), Protobuf)

@@ -15,7 +15,7 @@ from roadlog import field_units
 from roadlog.storage import definitions, records, schemas
 from roadlog.storage.definitions import PRIMITIVES, Types
 from roadlog.storage.messages import HEAD, Wire
-from roadlog.storage.protobuf import SCALARS
+from roadlog.storage.protobuf_fields import SCALARS
 from roadlog.storage.records import Schema
 from roadlog.storage.table import Table
 

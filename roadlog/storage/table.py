@@ -19,7 +19,8 @@ class Table(ByValue):
     columns: field path (nested fields joined by dots) -> array as long as `time`; float64, bool
         or integers as the schema says; NaN where a value is unknown.
     metadata: the channel's metadata. texts: text fields, which all messages have alike; a table
-        that was read does not say them.
+        that was read does not say them. unread: a sentence on numbers of the messages that are in
+        no column, empty for none.
     """
 
     topic: str
@@ -28,6 +29,7 @@ class Table(ByValue):
     columns: Mapping[str, NDArray]
     metadata: Mapping[str, str] = field(default_factory=dict)
     texts: Mapping[str, str] = field(default_factory=dict)
+    unread: str = ""
 
     def __post_init__(self) -> None:
         for name, values in self.columns.items():

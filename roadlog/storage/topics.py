@@ -51,4 +51,6 @@ def one_table(topic: str, parts: Sequence[Part], lose: Callable[[str], None]) ->
             f"not read, {counts[chosen]} of {name or 'no schema'} were"
         )
     time, values = merged([part.columns.finish() for part in same])
-    return Table(topic, name, time, values, same[0].metadata)
+    unread = sorted(set().union(*(part.columns.unread for part in same)))
+    said = f"{topic}: numbers that were not read: {', '.join(unread)}" if unread else ""
+    return Table(topic, name, time, values, same[0].metadata, unread=said)

@@ -48,12 +48,16 @@ class Reader(Protocol):
 
 @dataclass
 class Topic:
-    """A topic of one or several parts of a recording. fields: paths of its numbers."""
+    """A topic of one or several parts of a recording.
+
+    fields: paths of its numbers. unread: sentences on those that are in no column.
+    """
 
     name: str
     kind: str
     readers: list[Reader] = field(default_factory=list)
     fields: dict[str, None] = field(default_factory=dict)
+    unread: dict[str, None] = field(default_factory=dict)
 
 
 def kind(name: str) -> str:
@@ -76,6 +80,7 @@ def topics(readers: Sequence[Reader]) -> dict[str, Topic]:
             topic = result.setdefault(name, Topic(name, kind(first[name].schema or channel.schema)))
             topic.readers.append(reader)
             columns = first[name].columns.items()
+            topic.unread |= dict.fromkeys([first[name].unread] if first[name].unread else [])
             topic.fields |= dict.fromkeys(f for f, c in columns if c.dtype.kind in "bifu")
     return result
 
@@ -101,13 +106,15 @@ def recording(
     name of the source. dbc: databases for topics of CAN frames. Raises LogReadError.
     """
     read = _Read(profile, label, can.Decoder(can.load(dbc), label, profile) if dbc else None)
-    for topic in topics(readers).values():
+    there = topics(readers).values()
+    for topic in there:
         read.add(topic)
     frames, losses, notes = read.finish()
     losses += [f"{label}: {loss}" for loss in dict.fromkeys(x for r in readers for x in r.losses)]
     if not frames:
         raise LogReadError("; ".join([f"{label}: holds no message with numbers", *losses]))
-    return Recording(tuple(frames), tuple(losses), tuple(notes))
+    unread = tuple(f"{label}: {text}" for topic in there for text in topic.unread)
+    return Recording(tuple(frames), tuple(losses), tuple(notes), unread)
 
 
 @dataclass

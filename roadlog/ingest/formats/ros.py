@@ -44,7 +44,7 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """Fields that the profile reads, one frame a topic. Raises LogReadError, MissingExtraError."""
     with _opened(path) as (readers, losses):
         found = messages.recording(readers, profile, path.name, dbc)
-    return Recording(found.frames, (*losses, *found.losses), found.notes)
+    return Recording(found.frames, (*losses, *found.losses), found.notes, found.unread)
 
 
 @contextmanager
