@@ -27,7 +27,7 @@ ELSEWHERE = {
     ".xodr": "tests/cli/test_road.py, tests/view/test_surface.py",
     "--road": "tests/simulate/test_on_road.py",
     ".tif": "tests/ingest/test_terrain.py, tests/simulate/test_on_road.py, test_survey.py",
-    "--detail": "tests/test_details.py, on a drive with the truth of its tires",
+    "--detail": "tests/test_details.py, with sideslip",
     "evaluate": "test_site.py, on the quick start's drive, which has truth",
 }
 UNITS = {"accel": "m/s^2", "gyro": "rad/s"}
