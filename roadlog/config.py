@@ -27,6 +27,7 @@ from roadlog.errors import ConfigError, near
 
 NAME = "roadlog.toml"
 PREFIX = "ROADLOG_"
+FLAGS = ("true", "false", "t", "f", "yes", "no", "y", "n", "on", "off", "1", "0")  # of a variable
 
 
 @dataclass(frozen=True)
@@ -42,12 +43,21 @@ class Option:
 
 @dataclass(frozen=True)
 class Default:
-    """A default that holds for one command. origin: the file or the variable."""
+    """A default that holds for one command. origin: the file or the variable; key: in the file."""
 
     command: str
     option: str
     value: Any
     origin: str
+    key: str = ""
+
+    def __str__(self) -> str:
+        """Where it stands and what it is, to begin an error with."""
+        return _said(self.origin, self.key, self.value)
+
+
+def _said(origin: str, key: str, value: Any) -> str:
+    return f"{origin}: {key} = {value!r}" if key else f"{origin} = {value!r}"
 
 
 Commands = Mapping[str, Mapping[str, Option]]
@@ -100,7 +110,7 @@ def _of_file(path: Path, commands: Commands) -> Iterator[Default]:
         several = isinstance(value, list)  # is for the commands that take several
         taking = [c for c in having if commands[c][key].is_list] if several else having
         for command in taking or having:
-            yield _default(path, command, commands[command][key], value)
+            yield _default(path, command, commands[command][key], value, key)
     for command, table in document.items():
         if not isinstance(table, dict):
             continue
@@ -110,20 +120,24 @@ def _of_file(path: Path, commands: Commands) -> Iterator[Default]:
             if key not in commands[command]:
                 hint = near(key, commands[command])
                 raise ConfigError(f"{path}: [{command}] {key}: no such option. {hint}")
-            yield _default(path, command, commands[command][key], value)
+            option = commands[command][key]
+            yield _default(path, command, option, value, f"[{command}] {key}")
 
 
-def _default(path: Path, command: str, option: Option, value: Any) -> Default:
+def _default(path: Path, command: str, option: Option, value: Any, key: str) -> Default:
     values = value if isinstance(value, list) else [value]
     wanted = bool if option.is_flag else (int, float) if option.is_number else str
     if (isinstance(value, list) and not option.is_list) or not all(
         isinstance(v, wanted) and (option.is_flag or not isinstance(v, bool)) for v in values
     ):
-        what = "true or false" if option.is_flag else "a number" if wanted is not str else "a text"
-        raise ConfigError(f"{path}: {option.name} = {value!r}: must be {what}")
+        raise ConfigError(f"{_said(str(path), key, value)}: must be {_kind(option)}")
     if option.is_path:
         values = [_placed(path.parent, v) for v in values]
-    return Default(command, option.name, values if option.is_list else values[0], str(path))
+    return Default(command, option.name, values if option.is_list else values[0], str(path), key)
+
+
+def _kind(option: Option) -> str:
+    return "true or false" if option.is_flag else "a number" if option.is_number else "a text"
 
 
 def _placed(folder: Path, name: str) -> str:
@@ -148,8 +162,22 @@ def _of_environment(environment: Mapping[str, str], commands: Commands) -> Itera
     for group in (for_all, for_one):
         for key, targets in group.items():
             if text := environment.get(key):
+                if not all(_fits(text, option) for _, option in targets):
+                    kind = _kind(targets[0][1])
+                    raise ConfigError(f"{_said(key, '', text)}: must be {kind}")
                 for command, option in targets:
                     yield Default(command, option.name, _split(text, option), key)
+
+
+def _fits(text: str, option: Option) -> bool:
+    if option.is_flag:
+        return text.lower() in FLAGS
+    if option.is_number:
+        try:
+            float(text)
+        except ValueError:
+            return False
+    return True
 
 
 def _split(text: str, option: Option) -> str | list[str]:

@@ -168,7 +168,8 @@ class Vehicle:
         try:
             text = Path(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
-            raise ConfigError(f"{path}: vehicle file cannot be read: {error}") from error
+            why = getattr(error, "strerror", None) or error
+            raise ConfigError(f"{path}: vehicle file cannot be read: {why}") from error
         return cls.from_toml(text, str(path))
 
     @classmethod

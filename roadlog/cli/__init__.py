@@ -47,7 +47,7 @@ def _global(
 def _register() -> None:
     # command modules import what they compute with inside their functions: `--help` stays fast
     from roadlog.cli.calibrate import calibrate
-    from roadlog.cli.config import config
+    from roadlog.cli.config import Configured, config
     from roadlog.cli.demo import demo
     from roadlog.cli.doctor import doctor
     from roadlog.cli.estimate import estimate
@@ -69,7 +69,7 @@ def _register() -> None:
     using = (ingest, info, verify, calibrate, estimate, evaluate, view, plot, report, road, export)
     making = (simulate, scenarios, estimators, reproduce, profiles, config, demo, doctor)
     for command in (*using, *making):
-        app.command()(leveled(command))
+        app.command(cls=Configured)(leveled(command))
     app.add_typer(profile, name="profile")
     app.add_typer(vehicle, name="vehicle")
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from roadlog.cli import console, options
 from roadlog.config import Default, Option, defaults
+from roadlog.errors import ConfigError, RoadlogError
 
 NOT_SET = frozenset({"help", "version", "debug", "out", "json"})  # belong to one call
 
@@ -31,6 +33,50 @@ def config(
     else:
         rows = [[d.command, f"--{d.option}", _text(d.value), d.origin] for d in found]
         console.print_table(["command", "option", "value", "from"], rows, left=4)
+
+
+class Configured(TyperCommand):
+    """A command whose errors over a configured value name the file and key, or the variable."""
+
+    def make_context(self, *arguments: Any, **options: Any) -> Any:
+        """Raises ConfigError where a default is not what the option takes."""
+        try:
+            return super().make_context(*arguments, **options)
+        except typer.BadParameter as error:
+            _blame(error, error.ctx)
+            raise
+
+    def invoke(self, ctx: Any) -> Any:
+        """Raises ConfigError where the command refuses a default."""
+        try:
+            return super().invoke(ctx)
+        except (typer.BadParameter, RoadlogError) as error:
+            _blame(error, ctx)
+            raise
+
+
+def _blame(error: Exception, context: Any) -> None:
+    """Raise ConfigError if the error is about a default that holds in this call."""
+    if context is None:
+        return
+    names = {_name(p): p.name for p in context.command.params if _is_settable(p)}
+    for default in current(context.find_root().command):
+        if default.command != context.info_name:
+            continue
+        source = context.get_parameter_source(names[default.option])
+        if source is not None and source.name == "DEFAULT_MAP" and _is_about(error, default):
+            what = error.message if isinstance(error, typer.BadParameter) else str(error)
+            raise ConfigError(f"{default}: {what.removeprefix(f'{default.value}: ')}") from error
+
+
+def _is_about(error: Exception, default: Default) -> bool:
+    """Whether it names the option, or begins with the value or holds it in quotes."""
+    if isinstance(error, typer.BadParameter):
+        hint = error.param_hint or (error.param.opts if error.param is not None else ())
+        return f"--{default.option}" in re.findall(r"--[\w-]+", str(hint))
+    values = default.value if isinstance(default.value, list) else [default.value]
+    text = str(error)
+    return any(text.startswith(f"{value}: ") or f"'{value}'" in text for value in values)
 
 
 def default_map(root: Any) -> dict[str, Any]:

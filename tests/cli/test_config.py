@@ -85,6 +85,57 @@ def test_a_variable_that_no_command_knows(tmp_path: Path, home: Path) -> None:
     assert home.is_dir()
 
 
+@pytest.mark.parametrize(
+    ("name", "text", "kind"),
+    [("RATE", "fast", "a number"), ("VIEW_RATE", "1O", "a number"), ("WEB", "2", "true or false")],
+)
+def test_variables_of_the_wrong_type(
+    tmp_path: Path, home: Path, name: str, text: str, kind: str
+) -> None:
+    with pytest.raises(ConfigError, match=f"^ROADLOG_{name} = '{text}': must be {kind}$"):
+        found(tmp_path, **{f"ROADLOG_{name}": text})
+    assert home.is_dir()
+
+
+REFUSED = {  # only the command knows what is wrong with it
+    "jobs = 0": ("jobs = 0", "greater than or equal to 1"),
+    "[estimate]\njobs = 2.5": ("[estimate] jobs = 2.5", "integer"),
+    "rate = nan": ("rate = nan", "between 1 and 2000 Hz"),
+    "clock = 'foo'": ("clock = 'foo'", "log, publish or header"),
+    "estimator = ['kmbee']": ("estimator = ['kmbee']", "Close: kmbe"),
+    "profile = 'nope'": ("profile = 'nope'", "no such profile file"),
+}
+
+
+@pytest.mark.parametrize("text", REFUSED)
+def test_refused_defaults_name_file_and_key(
+    roadlog, hill_log: Path, tmp_path: Path, text: str
+) -> None:
+    (tmp_path / "roadlog.toml").write_text(text)
+    run = roadlog("estimate", hill_log)
+    said, why = REFUSED[text]
+    assert run.returncode == 1
+    assert run.stderr.startswith(f"roadlog: {tmp_path / 'roadlog.toml'}: {said}: ")
+    assert why in run.stderr
+    assert len(run.stderr.splitlines()) == 1
+
+
+def test_a_path_that_is_not_there(
+    roadlog, hill_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "roadlog.toml").write_text('vehicle = "cars/no.toml"\n')
+    why = "vehicle file cannot be read: No such file or directory\n"
+    there = tmp_path / "roadlog.toml"
+    missing = str(tmp_path / "cars" / "no.toml")
+    run = roadlog("estimate", hill_log, "-e", "kmbe")
+    assert run.stderr == f"roadlog: {there}: vehicle = {missing!r}: {why}"
+    monkeypatch.setenv("ROADLOG_VEHICLE", "none.toml")
+    run = roadlog("estimate", hill_log, "-e", "kmbe")
+    assert run.stderr == f"roadlog: ROADLOG_VEHICLE = 'none.toml': {why}"
+    run = roadlog("estimate", hill_log, "-e", "kmbe", "--vehicle", "mine.toml")
+    assert run.stderr == f"roadlog: mine.toml: {why}"  # the default is not to blame
+
+
 def test_the_command_line_wins(roadlog, hill_log: Path, tmp_path: Path) -> None:
     (tmp_path / "roadlog.toml").write_text('estimator = ["ti"]\n')
     said = json.loads(roadlog("config", "--json").stdout)
