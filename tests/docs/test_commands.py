@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 import runpy
 import shlex
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support.drives import ROOT, hill_tables, simulated
+from support.tumbled import tumbled
 
 from roadlog.cli import app
 from roadlog.log import create
@@ -92,10 +94,11 @@ def drives() -> None:
 
 
 def week() -> None:
-    """Three drives of one car."""
+    """Three drives of one car, and its IMU turned over on a table."""
     for seed, day in enumerate(("monday", "tuesday", "wednesday")):
         made = simulated("luo2024-s3b", seed=seed)
         create(Path(f"{day}.mcap"), made.tables, made.metadata, made.vehicle)
+    create(Path("table.mcap"), [tumbled()])
 
 
 def recording() -> None:
@@ -116,9 +119,11 @@ def scenario() -> None:
 
 
 def drive() -> None:
-    for name in ("drive.mcap", "causal.mcap"):
-        hill(Path(name))
-        app(["estimate", name, "-e", "fusion", "-e", "kmbe"], standalone_mode=False)
+    """Two runs, one of them with forces of the tires and their truth."""
+    hill(Path("causal.mcap"))
+    shutil.copy(ROOT / "sample_logs" / "stops.mcap", "drive.mcap")
+    app(["estimate", "causal.mcap", "-e", "fusion"], standalone_mode=False)
+    app(["estimate", "drive.mcap", "-e", "fusion", "-e", "tfobe"], standalone_mode=False)
 
 
 PAGES: dict[str, Callable[[], None]] = {

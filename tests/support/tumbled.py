@@ -11,15 +11,16 @@ from roadlog.units import STANDARD_GRAVITY as G
 
 RATE = 100.0
 REST, TURN = 4.0, 1.5  # s
+NONE, ALIKE = np.zeros(3), np.ones(3)
 # quarter turns of the IMU about its own axes, one after the other: every axis up and down
 TURNS = ("x", "x", "x", "x", "y", "z", "z", "z", "z", "y", "y", "y")
 
 
 def tumbled(
-    accel_zero: np.ndarray,
-    accel_scale: np.ndarray,
-    gyro_zero: np.ndarray,
-    gyro_scale: np.ndarray,
+    accel_zero: np.ndarray = NONE,
+    accel_scale: np.ndarray = ALIKE,
+    gyro_zero: np.ndarray = NONE,
+    gyro_scale: np.ndarray = ALIKE,
     turns: tuple[str, ...] = TURNS,
     tilt: float = 0.06,
     seed: int = 1,
