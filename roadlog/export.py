@@ -32,7 +32,7 @@ EMPTIEST = 100  # rows of a grid per message, beyond which a clock must have jum
 FEW_ROWS = 100_000
 SLOWEST = 1.0  # Hz, of messages with their own times
 
-_STEP = re.compile(r"(\d+(?:\.\d*)?|\.\d+) *(s|m|Hz)")
+_STEP = re.compile(r"(\d{1,9}(?:\.\d{0,9})?|\.\d{1,9}) ?(s|m|Hz)")
 _RADIANS = re.compile(r"rad\b")
 _SECTION_OF = {section.topic: section.name for section in SECTIONS.values()}
 

@@ -229,9 +229,7 @@ class DriveLog:
     def truth(self) -> Estimate | None:
         """The true angles, when the log has them."""
         table = self.tables([TRUTH_TOPIC]).get(TRUTH_TOPIC)
-        if table is None or not len(table):
-            return None
-        return Estimate.from_table(table, self.drive_start_ns, "truth")
+        return Estimate.from_table(table, self.drive_start_ns, "truth") if table else None
 
     def estimate(
         self,
@@ -258,11 +256,14 @@ class DriveLog:
         vehicle: instead of the log's own. tables: of `inputs`, where they have been read already.
         """
         from roadlog import checks
-        from roadlog.ingest.advice import advised
 
         found = checks.check(tables or self.inputs(), vehicle or self.vehicle)
-        faults = [finding for finding in found if finding.level == "fault"]
-        return advised(faults, self.metadata.get("profile", {}))
+        faults = [f for f in found if f.level == "fault"]
+        if "profile" not in self.metadata:
+            return faults
+        from roadlog.ingest.advice import advised
+
+        return advised(faults, self.metadata["profile"])
 
     @property
     def warnings(self) -> list[str]:

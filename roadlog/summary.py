@@ -96,8 +96,6 @@ def summarize(log: DriveLog) -> LogSummary:
     tables, strays = without_strays(log.tables())
     span = main_span({topic: table.time for topic, table in tables.items()})
     duration = 0.0 if span is None else (span.end - span.start) * 1e-9
-    from roadlog.ingest.advice import advised
-
     drive: Drive | None = None
     found = [
         Finding("stray_stamps", "note", (topic,), said, "leave the topic out, or mend its clock")
@@ -108,8 +106,12 @@ def summarize(log: DriveLog) -> LogSummary:
     profile = _profile(log.metadata.get("profile", {}))
     found += delays({entry.role: entry.delay for entry in profile or ()})
     try:
-        record = log.metadata.get("profile", {})
-        found += advised(checks.check(_own(tables, log), log.vehicle), record)
+        checked = checks.check(_own(tables, log), log.vehicle)
+        if "profile" in log.metadata:
+            from roadlog.ingest.advice import advised
+
+            checked = advised(checked, log.metadata["profile"])
+        found += checked
         drive = Drive.from_tables(tables.values())
     except LogReadError as error:
         advice = "`roadlog profile new` maps others"

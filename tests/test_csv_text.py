@@ -47,7 +47,7 @@ def test_names_of_a_log_are_no_formula_in_an_export(tmp_path: Path) -> None:
     create(tmp_path / "a.mcap", [*hill_tables(1.0), *odd])
     export(tmp_path / "a.mcap", tmp_path / "a.csv")
     header = next(csv.reader((tmp_path / "a.csv").open()))
-    assert "'=1+1.sender" in header
+    assert "'=1+1.sender [m]" in header
     assert all(name.isprintable() for name in header)
 
 

@@ -41,7 +41,7 @@ def listening(process: subprocess.Popen[str]) -> None:
 def test_one_line_and_nothing_written(hill_log: Path, number: int, code: int, wait: float) -> None:
     log = hill_log
     before = log.read_bytes()
-    process = start("-m", "roadlog", "estimate", log, "-e", "kmbe", "-e", "debe")
+    process = start("-m", "roadlog", "estimate", log, "-e", "kmbe", "-e", "fusion")
     listening(process)
     time.sleep(wait)
     process.send_signal(number)

@@ -46,7 +46,10 @@ def outputs(estimate) -> dict[str, np.ndarray]:
     result = dict(estimate.angles)
     result |= {f"{name}_sd": values for name, values in estimate.sd.items()}
     if "fuel" in estimate.details:
-        result |= estimate.details["fuel"].columns
+        columns = dict(estimate.details["fuel"].columns)
+        for name in ("consumption", "remaining_range"):  # unknown of a car without a map
+            assert np.isnan(columns.pop(name)).all()
+        result |= columns
     return result
 
 

@@ -188,16 +188,20 @@ def test_road_profile_is_on_the_map(report: Path, page: Callable[[Path], Any]) -
 
 
 def test_page_follows_the_systems_colors(report: Path, page: Callable[[Path], Any]) -> None:
+    from selenium.webdriver.support.ui import WebDriverWait
+
     opened = page(report / "index.html")
     color = "return getComputedStyle(document.body).backgroundColor"
     plot = "return document.querySelector('#distribution')._fullLayout.paper_bgcolor"
-    shades = []
-    for scheme in ("light", "dark"):
+    shades = {"light": ["rgb(255, 255, 255)", "#ffffff"], "dark": ["rgb(20, 23, 26)", "#14171a"]}
+    for scheme, shade in shades.items():
         features = [{"name": "prefers-color-scheme", "value": scheme}]
         opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
-        shades.append((opened.execute_script(color), opened.execute_script(plot)))
+        # the browser tells the page at its next frame
+        WebDriverWait(opened, 30).until(
+            lambda tab, shade=shade: [tab.execute_script(s) for s in (color, plot)] == shade
+        )
     opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
-    assert shades == [("rgb(255, 255, 255)", "#ffffff"), ("rgb(20, 23, 26)", "#14171a")]
 
 
 def synthetic_rows(count: int, seed: int = 1) -> list[dict[str, Any]]:

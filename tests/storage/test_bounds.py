@@ -86,7 +86,7 @@ def jumping(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("rate", [[], ["--rate", "10"]])
+@pytest.mark.parametrize("rate", [[], ["--every", "10Hz"]])
 def test_export_of_a_clock_that_jumps_by_years(
     jumping: Path, tmp_path: Path, rate: list[str]
 ) -> None:
