@@ -76,7 +76,14 @@ def _is_about(error: Exception, default: Default) -> bool:
         return f"--{default.option}" in re.findall(r"--[\w-]+", str(hint))
     values = default.value if isinstance(default.value, list) else [default.value]
     text = str(error)
-    return any(text.startswith(f"{value}: ") or f"'{value}'" in text for value in values)
+    begins = any(text.startswith(f"{value}: ") for value in values)
+    return begins or any(f"'{word}'" in text for value in values for word in _words(str(value)))
+
+
+def _words(value: str) -> list[str]:
+    """What an error may quote of a value; of NAME.PARAM=VALUE each part."""
+    name, sign, given = value.partition("=")
+    return [value, given, *name.split(".")] if sign else [value]
 
 
 def default_map(root: Any) -> dict[str, Any]:

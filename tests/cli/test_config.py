@@ -103,6 +103,9 @@ REFUSED = {  # only the command knows what is wrong with it
     "rate = nan": ("rate = nan", "between 1 and 2000 Hz"),
     "clock = 'foo'": ("clock = 'foo'", "log, publish or header"),
     "estimator = ['kmbee']": ("estimator = ['kmbee']", "Close: kmbe"),
+    "set = ['kmbe.foo=1']": ("set = ['kmbe.foo=1']", "kmbe has no parameter 'foo'"),
+    "set = ['kmbe.smooth=maybe']": ("set = ['kmbe.smooth=maybe']", "maybe"),
+    "set = ['kmbee.smooth=1']": ("set = ['kmbee.smooth=1']", "Close: kmbe"),
     "profile = 'nope'": ("profile = 'nope'", "no such profile file"),
 }
 
