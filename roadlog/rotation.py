@@ -14,7 +14,8 @@ ORTHOGONAL = 1e-3  # of M M' from the identity: a matrix is written with three d
 
 def is_rotation(matrix: Floats) -> bool:
     """Whether (3, 3) has orthonormal rows, within ORTHOGONAL, and right-handed axes."""
-    deviation = np.abs(matrix @ matrix.T - np.eye(3)).max()
+    with np.errstate(all="ignore"):  # of endless numbers the answer is no
+        deviation = np.abs(matrix @ matrix.T - np.eye(3)).max()
     return bool(deviation <= ORTHOGONAL and np.linalg.det(matrix) > 0)
 
 
