@@ -65,6 +65,21 @@ def test_positions_are_matched_and_the_way_back_turns_the_sign(tmp_path, back):
     np.testing.assert_allclose(np.degrees(columns["grade"]), expected, atol=0.01)
 
 
+@pytest.mark.parametrize("aside", [100.0, 58.0, 25.0])
+def test_a_road_that_crosses_is_not_taken(tmp_path, aside):
+    """The survey comes back over its own beginning, steeper, at 45, 30 and 14 deg."""
+    own = [(x, 5.0, 2.0) for x in range(-50, 451, 50)]
+    around = [(600.0, 300.0, 8.0), (400.0, 500.0, 8.0)]
+    over = [(300.0, aside, 8.0), (100.0, -aside, 8.0)]
+    east = M / np.cos(np.radians(48.0))
+    points = "".join(
+        f"{48 + x * M:.9f},{9 + y * east:.9f},{g}\n" for x, y, g in own + around + over
+    )
+    t, columns = truth(tmp_path, "latitude,longitude,grade_deg\n" + points)
+    np.testing.assert_allclose(np.degrees(columns["grade"]), 2.0, atol=0.01)
+    assert len(t) >= 60  # where either may be meant nothing is said
+
+
 def test_another_road_is_an_error(tmp_path):
     with pytest.raises(LogReadError, match="no part of the drive"):
         truth(tmp_path, "lat,lon,grade\n48,9.1,1\n48.01,9.1,1\n")

@@ -20,7 +20,12 @@ from roadlog.units import to_si
 
 FAR = 20.0  # m; a fix further from the surveyed line is on another road
 STEP = 1.0  # m, at which the surveyed line is compared with the fixes
-ALONG = 1.0  # m/s; slower, two fixes do not tell the direction of travel
+CHORD = 10.0  # m to either side, over which the line has its direction: it may be fixes, with noise
+APART = 1.0  # s to either side, between fixes that tell the direction of travel
+ALONG = 1.0  # m/s; slower, they do not
+BESIDE = 5.0  # m further off than the nearest point, where by its error a fix may belong too
+UNLIKE = np.radians(0.3)  # grades of two parts of a road that both may be meant: nothing is said
+ACROSS = np.cos(np.radians(45.0))  # less of the travel along the line: a road that crosses it
 _HEADER = re.compile(
     r"^(distance|chainage|latitude|lat|longitude|lon|grade_sd|sd|grade|slope)"
     r"[ _]*[\[(]?([^\])]*)[\])]?$"
@@ -114,7 +119,7 @@ def _by_distance(
 def _by_position(
     path: Path, columns: dict[str, Floats], tables: Sequence[Table]
 ) -> tuple[Stamps, Floats, Floats]:
-    """Each fix at the nearest point of the surveyed line."""
+    """Each fix at the nearest point of the surveyed line, where that is the road it travels on."""
     gnss = next((t for t in tables if t.topic == SECTIONS["gnss"].topic), None)
     if gnss is None or not np.isfinite(gnss.columns["latitude"]).any():
         raise LogReadError(f"{path} has positions, but the drive has none; survey over distance")
@@ -130,15 +135,36 @@ def _by_position(
     line = np.stack([np.interp(along, corner, axis) for axis in corners.T], axis=1)
     from scipy.spatial import cKDTree
 
-    away, place = cKDTree(line).query(fixes)
     seconds = (time - time[0]) * 1e-9
     if len(time) < 2:
         raise LogReadError(f"{path}: the drive has a single fix; survey over distance")
-    velocity = np.gradient(fixes, seconds, axis=0)
-    ahead = np.sum(velocity * np.gradient(line, axis=0)[place], axis=1) / STEP
-    grade = np.interp(along[place], corner, columns["grade"]) * np.sign(ahead)
-    grade[(away > FAR) | (np.abs(ahead) < ALONG)] = np.nan
-    return time, grade, np.interp(along[place], corner, _sd(columns))
+    reach = APART / max(float(np.median(np.diff(seconds))), 1e-3)
+    velocity = _chords(fixes, reach) / _chords(seconds, reach)[:, None]
+    tangent = _chords(line, CHORD / STEP)
+    tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]
+    slope, sd = (np.interp(along, corner, c) for c in (columns["grade"], _sd(columns)))
+    tree = cKDTree(line)
+    away, place = tree.query(fixes)
+    around = tree.query_ball_point(fixes, away + BESIDE)
+    grade = np.full(len(time), np.nan)
+    for k in np.flatnonzero(away <= FAR):
+        nearby = np.array(around[k])
+        ahead = tangent[nearby] @ velocity[k]
+        is_along = np.abs(ahead) > max(ALONG, ACROSS * np.hypot(*velocity[k]))
+        nearby, signed = nearby[is_along], (slope[nearby] * np.sign(ahead))[is_along]
+        if not len(nearby):
+            continue
+        best = int(np.argmin(np.hypot(*(line[nearby] - fixes[k]).T)))
+        is_other = np.abs(along[nearby] - along[nearby[best]]) > 4 * (away[k] + BESIDE)
+        if not (np.abs(signed[is_other] - signed[best]) > UNLIKE).any():
+            grade[k], place[k] = signed[best], nearby[best]
+    return time, grade, sd[place]
+
+
+def _chords(points: Floats, reach: float) -> Floats:
+    """From `reach` samples before each of (n,) or (n, 2) to as many behind it."""
+    k, n = np.arange(len(points)), max(1, round(reach))
+    return points[np.minimum(k + n, len(points) - 1)] - points[np.maximum(k - n, 0)]
 
 
 def _sd(columns: dict[str, Floats]) -> Floats:
