@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
@@ -181,7 +181,7 @@ def _estimate_all(logs: list[Path], work: Work, as_json: bool) -> None:
         reports.append(report)
         losses += lost
         if not as_json:
-            _print(report)
+            _print(report, lost)
     if as_json:
         console.print_json(reports[0] if len(reports) == 1 else reports)
     console.warn_losses(losses)
@@ -283,7 +283,8 @@ def _parse_settings(texts: list[str]) -> dict[str, dict[str, str]]:
     return result
 
 
-def _print(report: dict[str, Any]) -> None:
+def _print(report: dict[str, Any], lost: Sequence[str]) -> None:
+    """The table and its notes; what is lost is said at the end of all logs."""
     rows = [
         [
             name,
@@ -306,6 +307,7 @@ def _print(report: dict[str, Any]) -> None:
         for note in entry["notes"]:
             said.setdefault(note, []).append(name)
     notes = [f"{', '.join(names)}: {note}" for note, names in said.items()]
-    notes += [f"{name} cannot run: {reason}" for name, reason in report["cannot_run"].items()]
+    refused = [f"{name} cannot run: {reason}" for name, reason in report["cannot_run"].items()]
+    notes += [line for line in refused if not any(loss.endswith(line) for loss in lost)]
     console.notes(notes)
     console.next_step(f"roadlog evaluate {report['log']}, or roadlog view {report['log']}")
