@@ -21,7 +21,7 @@ COMMANDS = {
     "calibrate": ["calibrate", LOGS / "pass.mcap", "-o", "car.toml"],
     "estimate": ["estimate", LOGS / "pass.mcap", "-e", "fusion", "-o", "out.mcap"],
     "ingest": ["ingest", LOGS / "small_logger.csv", "-o", "o.mcap", "--profile", PROFILE],
-    "evaluate": ["evaluate", LOGS / "pass.mcap"],
+    "evaluate": ["evaluate", ROOT / "tests" / "data" / "roadlog-0.1.0.mcap"],
     "simulate": ["simulate", "mountain", "-o", "m.mcap"],
     "view": ["view", LOGS / "hill.mcap", "--save", "hill.rrd"],
     "reproduce": ["reproduce", "luo2024"],
@@ -35,6 +35,8 @@ def first_sign(command: list[object], folder: Path, needle: bytes) -> tuple[floa
 
     The command is stopped by Ctrl-C as soon as it has shown life.
     """
+    # a shell's background job ignores Ctrl-C, and so would its children
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     here, there = pty.openpty()
     environment = {**os.environ, **PLAIN, "PYTHONPATH": str(ROOT)}
     started = time.monotonic()

@@ -95,6 +95,8 @@ def test_png_says_in_one_line_that_there_is_no_driver(
 def serving(log: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """`roadlog view LOG --web` and the address that it prints."""
     command = [sys.executable, "-m", "roadlog", "view", str(log), "--web"]
+    # a shell's background job ignores Ctrl-C, and so would its children
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     process = subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=environment
