@@ -99,7 +99,7 @@ WHOLE_IMU = "three accelerations and three rates: `fusion` can run then"
 
 @dataclass(frozen=True)
 class Outlook:
-    """Of one angle. estimator: to take, empty for none. accuracy_deg: RMS error to expect, None
+    """Of one angle. estimator: to take, empty for none. accuracy_deg: RMS error simulated, None
     where there is none. better: what to add, in words, empty for nothing; better_deg: with it."""
 
     angle: str

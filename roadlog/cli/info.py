@@ -104,9 +104,13 @@ def _print_outlook(summary: LogSummary) -> None:
         return
     spoilt = any(finding.check in SPOILING for finding in summary.checks)
     console.say("")
-    columns = ["angle", "take", "RMS error to expect, deg", "what would help most"]
+    columns = ["angle", "take", "RMS error simulated, deg", "what would help most"]
     title = "once the CHECKs above are mended:" if spoilt else ""
     console.print_table(columns, rows, title, left=2, remark=True)
+    console.say(
+        "simulated: cars with these sensors at 100 Hz and a known mounting; slower sensors or"
+    )
+    console.say("an unknown mounting are worse. How sure this log is, the sd of `estimate` says")
     console.say("")
 
 
