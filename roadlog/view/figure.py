@@ -116,7 +116,7 @@ def angle_figure(view: DriveView, part: Part = WHOLE) -> Figure:
 
     angles = [angle for angle in view.ranges if angle in (part.angles or view.ranges)]
     panels = [name for name in PANELS if view.inputs.get(name)]
-    columns = 2 if view.errors else 1
+    columns = 2 if any(angle in view.errors for angle in angles) else 1
     rows = len(angles) + -(-len(panels) // columns)
     figure = Figure(figsize=(WIDTH, 1.1 + ROW * rows), layout="constrained")
     axes = figure.subplots(rows, columns, sharex=True, squeeze=False)

@@ -10,10 +10,12 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.image import imread
 from numpy.testing import assert_allclose
-from support.drives import Run, simulated
+from support.drives import ROOT, Run, simulated
 from support.view_logs import ERROR, NAMES, SD, make_log
+from typer.testing import CliRunner
 
 from roadlog import view as roadlog_view
+from roadlog.cli import app
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.log import DriveLog, create
 from roadlog.view import colors
@@ -153,3 +155,13 @@ def test_a_stop_is_a_mark_over_time_and_no_spike_over_distance(
     assert (np.diff(x) > 0).all()
     longest = max(np.ptp(patch.get_extents().intervalx) for patch in over_time.axes[0].patches)
     assert longest > 0
+
+
+def test_an_angle_that_only_the_truth_has(tmp_path: Path) -> None:
+    log = ROOT / "tests" / "data" / "roadlog-0.1.0.mcap"
+    out = tmp_path / "bank.svg"
+    done = CliRunner().invoke(app, ["plot", str(log), "--angle", "bank", "-o", str(out)])
+    assert done.exit_code == 0, done.output
+    text = out.read_text(encoding="utf-8")
+    assert "bank [°]" in text
+    assert "grade" not in text
