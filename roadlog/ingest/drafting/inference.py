@@ -14,7 +14,7 @@ from roadlog.drive import Drive
 from roadlog.errors import RoadlogError
 from roadlog.ingest import mapping
 from roadlog.ingest.drafting.draft import Draft, Guess
-from roadlog.ingest.drafting.lean import mounting
+from roadlog.ingest.drafting.lean import LEANS, mounting
 from roadlog.ingest.grid import one_grid
 from roadlog.ingest.profile import Profile
 from roadlog.motion import axes
@@ -133,6 +133,10 @@ def _mount(draft: Draft, state: motion.Examination) -> None:
             "it leans: by gravity and the way the car gathers speed, good to a degree or"
         )
         draft.notes.append("two; `roadlog calibrate` finds the rest")
+    elif found.lean > LEANS:
+        lean = f"{np.degrees(found.lean):.0f} deg"
+        draft.notes.append(f"gravity is {lean} off: a drive up or down a hill, or it leans")
+        draft.notes.append("(`roadlog calibrate` tells)")
     elif best is None:
         draft.notes.append("The sensor's axes are taken as x forward, y left, z up:")
         if mean is not None and abs(mean[2]) < axes.UPRIGHT * np.linalg.norm(mean):

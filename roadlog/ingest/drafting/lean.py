@@ -5,7 +5,8 @@ A phone in a holder leans by up to 45 deg. Its axes are turned level first, by t
 that brings the mean specific force onto the nearest axis; then right angles are told apart as of
 any sensor; then what is left in yaw is the angle between the level specific force and what speed
 and turns say that it is. Good to the mean grade and to a degree of yaw; `roadlog calibrate` finds
-the rest.
+the rest. On a drive that goes mostly up or down a sensor that lies right looks as if it leaned: the
+mean slope by the altitudes, or a steep one where there are none, is not taken for a lean.
 """
 
 from __future__ import annotations
@@ -18,7 +19,10 @@ from roadlog.motion.axes import Verdict, judge
 from roadlog.motion.evidence import Evidence
 from roadlog.types import Floats
 
-LEANS = np.radians(5.0)  # from which a right angle is no mounting
+LEANS = np.radians(5.0)  # beside the mean slope, from which a right angle is no mounting
+STEEP = np.radians(4.0)  # mean slope of a drive without altitudes that may still be a hill
+WAY = 500.0  # m, over which altitudes tell the mean slope
+ALTITUDE_WIDTH = 4.0  # s, sd of their smoothing
 FOLLOWS = 0.5  # correlation from which the specific force tells the yaw
 
 
@@ -26,11 +30,13 @@ FOLLOWS = 0.5  # correlation from which the specific force tells the yaw
 class Mounting:
     """The verdict on the level sensor's axes, and the matrix of it all where it leans.
 
-    matrix: vehicle = matrix @ sensor; None where right angles say it.
+    matrix: vehicle = matrix @ sensor; None where right angles say it. lean: rad, of the mean
+    specific force off the nearest axis.
     """
 
     verdict: Verdict
     matrix: Floats | None
+    lean: float
 
     @property
     def toml(self) -> str:
@@ -42,9 +48,10 @@ class Mounting:
 def mounting(evidence: Evidence) -> Mounting | None:
     """How an inertial sensor lies in the car; None where there is none."""
     level = _level(evidence)
-    if level is None or np.arccos(np.clip((np.trace(level) - 1) / 2, -1, 1)) < LEANS:
+    lean = 0.0 if level is None else float(np.arccos(np.clip((np.trace(level) - 1) / 2, -1, 1)))
+    if level is None or lean < LEANS + _mean_slope(evidence):
         verdict = judge(evidence)
-        return None if verdict is None else Mounting(verdict, None)
+        return None if verdict is None else Mounting(verdict, None, lean)
     turned = _turned(evidence, level)
     verdict = judge(turned)
     if verdict is None:
@@ -53,7 +60,20 @@ def mounting(evidence: Evidence) -> Mounting | None:
     sign = -1.0 if verdict.best and verdict.best.reversed == ("imu.accel",) else 1.0
     yaw = _yaw(_turned(turned, right), sign)
     about = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-    return Mounting(verdict, about @ right @ level)
+    return Mounting(verdict, about @ right @ level, lean)
+
+
+def _mean_slope(evidence: Evidence) -> float:
+    """rad, up or down, by the altitudes; STEEP where they do not tell."""
+    speed = next(iter(evidence.speeds().values()), None)
+    if speed is None or "gnss.altitude" not in evidence:
+        return STEEP
+    altitude = evidence.smooth(evidence["gnss.altitude"], ALTITUDE_WIDTH)
+    known = np.flatnonzero(np.isfinite(altitude))
+    way = float(np.nansum(speed[known[0] : known[-1]])) / evidence.rate if len(known) else 0.0
+    if way < WAY:
+        return STEEP
+    return float(np.arctan(abs(altitude[known[-1]] - altitude[known[0]]) / way))
 
 
 def _level(evidence: Evidence) -> Floats | None:
