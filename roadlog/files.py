@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import hashlib
 import os
 import re
 import secrets
 import shutil
 import stat
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -28,15 +28,16 @@ try:
 except ImportError:  # no locks on this system: what is left over stays
     fcntl = None  # type: ignore[assignment]
 
+HAS_LOCKS = fcntl is not None
 BUFFER = 1 << 20  # bytes that are written to the file at once
 OWNER_WRITES = 0o200
 AT_CWD, SWAP = -100, 2  # Linux: names are relative to the current folder; RENAME_EXCHANGE
 TRIES = 3  # to make a temporary file
 written: list[Path] = []  # files that took their place, for who has to say what was done
-_parts: set[Path] = set()  # passing names that are in use
+passing: set[Path] = set()  # names of what is not finished
 
-_SCRATCH = re.compile(r"roadlog-([0-9a-f]{1,16})-[0-9a-f]{16}")
-_PART = re.compile(r"\.roadlog-([0-9a-f]{1,16})-[0-9a-f]{16}\.part")
+# number of the file; state of the one that it is to replace, whose old content has this name then
+_PART = re.compile(r"\.roadlog-([0-9a-f]{1,16})(?:-([0-9a-f]{16}))?-[0-9a-f]{16}\.part")
 
 
 def _flags(*names: str) -> int:
@@ -62,6 +63,10 @@ class State(NamedTuple):
     @classmethod
     def of(cls, status: os.stat_result) -> State:
         return cls(status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
+
+    def digest(self) -> str:
+        """16 hexadecimal digits."""
+        return hashlib.sha256(repr(tuple(self)).encode()).hexdigest()[:16]
 
 
 def state(path: Path) -> State | None:
@@ -133,12 +138,26 @@ class Part:
                 self._take_over(status)
             if state(target) != standing:
                 raise changed(target)
-            if not _exchange(self.path, target):
-                self.path.replace(target)
-            elif state(self.path) != standing:  # it was changed in between
-                _exchange(self.path, target)
-                raise changed(target)
+            self._rename(_passing_name(os.fstat(self.file.fileno()).st_ino, standing))
+            with _kept(target):
+                self._swap(target, standing)
         sync_folder(target.parent)
+
+    def _swap(self, target: Path, standing: State) -> None:
+        """Change names with the old file, which goes when it is seen to be what it was."""
+        if not _exchange(self.path, target):
+            self.path.replace(target)
+        elif state(self.path) != standing:  # it was changed in between
+            _exchange(self.path, target)
+            raise changed(target)
+        else:
+            self.path.unlink()
+
+    def _rename(self, name: str) -> None:
+        before, after = self.path, self.path.with_name(name)
+        passing.add(after)
+        self.path = before.rename(after)
+        passing.discard(before)
 
     def _take_over(self, status: os.stat_result) -> None:
         """Owner and permissions of another file."""
@@ -161,6 +180,30 @@ class Part:
             self.path.unlink()
 
 
+@contextmanager
+def _kept(path: Path) -> Iterator[None]:
+    """Keep other runs from taking a file for a left-over in the block, whatever its name."""
+    if fcntl is None:
+        yield
+        return
+    try:
+        handle = os.open(path, READ | NO_FOLLOW)
+    except OSError:  # not ours to read
+        yield
+        return
+    try:
+        lock(handle)  # where it is locked already, it is by us
+        yield
+    finally:
+        os.close(handle)
+
+
+def _passing_name(number: int, standing: State | None = None) -> str:
+    """A name that nobody can guess, of a file by its number that is to replace another."""
+    instead = f"{standing.digest()}-" if standing else ""
+    return f".roadlog-{number:x}-{instead}{secrets.token_hex(8)}.part"
+
+
 def _exchange(one: Path, other: Path) -> bool:
     """Let two names swap their files at once; False where the system cannot."""
     try:
@@ -172,10 +215,13 @@ def _exchange(one: Path, other: Path) -> bool:
 
 def remove(path: Path, is_meant: Callable[[State], bool]) -> None:
     """Remove a file if it is the one that is meant; another stays. Raises OSError."""
-    aside = path.with_name(f".roadlog-0-{secrets.token_hex(8)}.part")
-    path.rename(aside)  # nobody knows this name: what is looked at is what goes
-    there = state(aside)
-    if there is not None and not is_meant(there):
+    there = State.of(path.lstat())
+    if not is_meant(there):
+        return
+    # nobody knows this name: what is looked at is what goes
+    aside = path.rename(path.with_name(_passing_name(there.number, there)))
+    now = state(aside)
+    if now is not None and not is_meant(now):
         os.link(aside, path, follow_symlinks=False)
     aside.unlink()
     sync_folder(path.parent)
@@ -199,50 +245,12 @@ def temporary(folder: Path, mode: int = 0o666) -> Iterator[Part]:
             yield part
     finally:
         part.path.unlink(missing_ok=True)
-        _parts.discard(part.path)
-
-
-@contextmanager
-def scratch() -> Iterator[Path]:
-    """A temporary folder for the block; what killed runs left of theirs goes too."""
-    top = Path(tempfile.gettempdir())
-    _remove_scratch(top)
-    folder = Path(tempfile.mkdtemp(prefix="roadlog-"))
-    handle = os.open(folder, os.O_RDONLY) if fcntl else None
-    own = folder
-    try:
-        if handle is not None:
-            lock(handle)
-            own = folder.with_name(f"roadlog-{os.fstat(handle).st_ino:x}-{secrets.token_hex(8)}")
-            folder.rename(own)
-        _parts.add(own)
-        yield own
-    finally:
-        shutil.rmtree(own, ignore_errors=True)
-        _parts.discard(own)
-        if handle is not None:
-            os.close(handle)
-
-
-def _remove_scratch(top: Path) -> None:
-    """Remove folders of killed runs, by their number and the lock that is gone."""
-    if fcntl is None:
-        return
-    for folder in top.glob("roadlog-*"):
-        with suppress(OSError):
-            handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | NO_FOLLOW)
-            try:
-                status, match = os.fstat(handle), _SCRATCH.fullmatch(folder.name)
-                is_ours = match is not None and int(match[1], 16) == status.st_ino
-                if is_ours and status.st_uid == os.geteuid() and lock(handle):
-                    shutil.rmtree(folder, ignore_errors=True)
-            finally:
-                os.close(handle)
+        passing.discard(part.path)
 
 
 def abandon() -> None:
     """Remove what is being written at this moment: the process ends."""
-    for path in list(_parts):
+    for path in list(passing):
         with suppress(OSError):
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
@@ -310,8 +318,11 @@ def remove_left_over(folder: Path) -> None:
 def _is_ours(name: str, status: os.stat_result) -> bool:
     """Whether a file is the one that its name says; 0 is the number of one not yet begun."""
     match = _PART.fullmatch(name)
-    number = int(match[1], 16) if match else None
-    return number == status.st_ino or (number == 0 and status.st_size == 0)
+    if match is None:
+        return False
+    number, replaced = int(match[1], 16), match[2]
+    is_empty = number == 0 and status.st_size == 0
+    return is_empty or number == status.st_ino or replaced == State.of(status).digest()
 
 
 def sync_folder(path: Path) -> None:
@@ -327,17 +338,16 @@ def sync_folder(path: Path) -> None:
 def _new(folder: Path, mode: int) -> Part:
     """A locked, empty file whose name holds its number."""
     for _ in range(TRIES):
-        chance = secrets.token_hex(8)
-        first = folder / f".roadlog-0-{chance}.part"
-        _parts.add(first)
+        first = folder / _passing_name(0)
+        passing.add(first)
         handle = os.open(first, os.O_RDWR | os.O_CREAT | os.O_EXCL | NO_FOLLOW, mode)
         file = os.fdopen(handle, "w+b", BUFFER)
-        path = folder / f".roadlog-{os.fstat(handle).st_ino:x}-{chance}.part"
-        _parts.add(path)
+        path = folder / _passing_name(os.fstat(handle).st_ino)
+        passing.add(path)
         try:
             if lock(file):
                 first.rename(path)
-                _parts.discard(first)
+                passing.discard(first)
                 return Part(file, path)
         except FileNotFoundError:  # another run took it for a killed one's before it was locked
             pass

@@ -35,7 +35,8 @@ def test_a_failure_leaves_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["out.csv.undo", "out.csv.part", ".out.csv.abcdefgh.part",
-                                  ".roadlog-1-0123456789abcdef.part"])  # fmt: skip
+                                  ".roadlog-1-0123456789abcdef.part",
+                                  ".roadlog-1-0123456789abcdef-0123456789abcdef.part"])  # fmt: skip
 def test_a_neighbour_stays(tmp_path: Path, name: str) -> None:
     neighbour = tmp_path / name
     neighbour.write_bytes(FOREIGN)
@@ -56,6 +57,48 @@ def test_what_a_killed_run_left_goes(tmp_path: Path) -> None:
         assert not left.exists()
         files.write(tmp_path / "c.csv", "one that another run is writing stays")
     assert {path.name for path in tmp_path.iterdir()} == {"b.csv", "c.csv"}
+
+
+KILLED_AT_THE_SWAP = """
+import os, sys
+from pathlib import Path
+from roadlog import files
+swap, out = files._exchange, Path(sys.argv[1])
+def killed(one, other):
+    sys.argv[2] == "before" or swap(one, other)
+    sys.argv[2] == "changed" and one.write_bytes(b"by another")
+    os.kill(os.getpid(), 9)
+files._exchange = killed
+files.write(out, "new")
+"""
+
+
+@pytest.mark.parametrize("instant", ["before", "after", "changed"])
+def test_what_a_run_left_that_was_killed_at_the_swap_goes(tmp_path: Path, instant: str) -> None:
+    """The old file is known by its state; what another program wrote to it is not ours."""
+    out = tmp_path / "out.csv"
+    out.write_bytes(b"old")
+    subprocess.run([sys.executable, "-c", KILLED_AT_THE_SWAP, out, instant], check=False)
+    assert out.read_bytes() == (b"old" if instant == "before" else b"new")
+    (left,) = tmp_path.glob(".roadlog-*.part")
+    files.write(tmp_path / "b.csv", "")
+    assert left.exists() == (instant == "changed")
+    assert out.read_bytes() == (b"old" if instant == "before" else b"new")
+
+
+def test_what_a_run_left_that_was_killed_as_it_removed_a_journal_goes(tmp_path: Path) -> None:
+    code = (
+        "import os, sys; from pathlib import Path; from roadlog import files\n"
+        "files.remove(Path(sys.argv[1]), lambda _: next(calls) or os.kill(os.getpid(), 9))"
+    )
+    path = tmp_path / "x.mcap.undo"
+    path.write_bytes(b"journal")
+    code = f"calls = iter([True, False])\n{code}"
+    subprocess.run([sys.executable, "-c", code, str(path)], check=False)
+    (left,) = tmp_path.iterdir()
+    assert left != path
+    files.write(tmp_path / "b.csv", "")
+    assert not left.exists()
 
 
 def test_what_appears_meanwhile_stays(tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ LAYERS = (
         "once",
     ),
     ("interrupt",),
-    ("config", "spool", "geo", "rotation", "stamps"),
+    ("config", "spool", "scratch", "geo", "rotation", "stamps"),
     ("storage",),
     ("drive", "location_fix"),
     ("for_viewers",),

@@ -52,8 +52,9 @@ def view(
 
     Example: roadlog view drive.mcap causal.mcap -e fusion --save compare.rrd
     """
-    from roadlog.files import output, scratch
+    from roadlog.files import output
     from roadlog.log import DriveLog
+    from roadlog.scratch import scratch
     from roadlog.view import viewer
     from roadlog.view.model import drive_view
 

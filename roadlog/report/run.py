@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from roadlog.errors import LogReadError, LogWriteError
-from roadlog.files import scratch, write
+from roadlog.files import write
 from roadlog.report import page, schema, table
 from roadlog.report.batch import Engine, Outcome, WorkerDiedError, map_logs
 from roadlog.report.compare import COMPARISON, Comparison, compare
@@ -26,6 +26,7 @@ from roadlog.report.row import (
 from roadlog.report.sources import Source, download_report, is_remote, names_below, upload_report
 from roadlog.report.table import Row
 from roadlog.roads.passes import Pass
+from roadlog.scratch import scratch
 
 DETAILS = "details"
 PASSES = "passes"

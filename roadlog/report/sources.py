@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from roadlog.errors import LogReadError, LogWriteError, MissingExtraError, near
-from roadlog.files import scratch
+from roadlog.scratch import scratch
 
 LOG_SUFFIXES = (".mcap",)
 # with a profile: whatever `roadlog ingest` reads
