@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -337,7 +337,7 @@ class DriveLog:
 
         there: list[LogReader] = []  # another run may have added to it
         replaced = {*records, *(f"estimate/{name}" for name in names)}
-        with exclusive(self.path):
+        with nullcontext() if out else exclusive(self.path):
             update_log(
                 self.path,
                 results.tables(there, truth, estimates, records, faults, as_ros2=as_ros2),

@@ -109,6 +109,10 @@ class Source:
         for rest in range(position, end, COPY_SIZE):
             file.write(self.read(rest, min(COPY_SIZE, end - rest)))
 
+    def is_as_opened(self) -> bool:
+        """Whether nobody wrote to the file since, whatever its name is by now."""
+        return State.of(os.fstat(self.handle)) == self.state
+
     def is_there(self) -> bool:
         """Whether the path still names this file."""
         try:

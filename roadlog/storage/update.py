@@ -16,7 +16,7 @@ from typing import IO, NamedTuple
 import numpy as np
 
 from roadlog.errors import LogWriteError
-from roadlog.files import check_unprotected, replacing, temporary, written
+from roadlog.files import changed, check_unprotected, replacing, temporary, written
 from roadlog.storage import container, crc, journal, records
 from roadlog.storage.container import RAW, Record, Source, outer_records, walk, word
 from roadlog.storage.contents import Contents
@@ -64,6 +64,8 @@ def update_log(
         if out is not None:
             with replacing(Path(out)) as file:
                 put(file, old.source)
+                if not old.source.is_as_opened():
+                    raise changed(given)
             journal.forget(Path(out))
             return
         if old.contents.behind:

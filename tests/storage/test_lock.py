@@ -6,6 +6,7 @@ import fcntl
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ import pytest
 from roadlog import estimators
 from roadlog.drive import Drive
 from roadlog.errors import LogWriteError
+from roadlog.estimate import Estimate
 from roadlog.log import DriveLog
 from roadlog.storage import lock
 from roadlog.storage.lock import exclusive
@@ -31,6 +33,29 @@ def test_a_writer_waits_for_the_other(hill_log: Path, hill_drive: Drive) -> None
     writer.join(30)
     assert not writer.is_alive()
     assert DriveLog(hill_log).estimators == ["incl_kinematic"]
+
+
+def test_who_writes_elsewhere_waits_for_nobody(hill_log: Path, hill_drive: Drive) -> None:
+    log, out = DriveLog(hill_log), hill_log.with_name("out.mcap")
+    estimate = estimators.run("incl_kinematic", hill_drive, log.vehicle)
+    writer = threading.Thread(target=log.write, args=([estimate],), kwargs={"out": out})
+    with exclusive(hill_log):
+        writer.start()
+        writer.join(30)
+        assert DriveLog(out).estimators == ["incl_kinematic"]
+
+
+def test_a_log_that_changes_while_it_is_copied_is_refused(hill_log: Path) -> None:
+    log, out = DriveLog(hill_log), hill_log.with_name("out.mcap")
+
+    def late() -> Iterator[Estimate]:
+        yield log.estimate("incl_kinematic")
+        with hill_log.open("ab") as file:
+            file.write(b"more")
+
+    with pytest.raises(LogWriteError, match="by another program"):
+        log.write(late(), names=["incl_kinematic"], out=out)
+    assert not out.exists()
 
 
 def test_processes_that_write_at_once_keep_each_others_results(hill_log: Path) -> None:
