@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from roadlog.cli import console
+from roadlog.cli import console, options
 
 vehicle = typer.Typer(
     help="Vehicle files for cars without a data sheet.",
@@ -51,6 +51,7 @@ def new(
     out: Annotated[
         Path | None, typer.Option("-o", "--out", metavar="CAR.toml", help="Write it here.")
     ] = None,
+    force: options.Force = False,
 ) -> None:
     """Write the vehicle file of a model: mass, axles, steering ratio, and tires where known.
 
@@ -59,16 +60,12 @@ def new(
     Example: roadlog vehicle new "Honda Civic 2016-18" -o car.toml
     """
     from roadlog.car.models import find
-    from roadlog.errors import ConfigError
+    from roadlog.files import output, write
 
     text = find(name).toml()
     if out is None:
         console.say(text.rstrip())
         return
-    if out.exists():
-        raise ConfigError(f"{out}: is there already; give another -o, or remove it")
-    try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"{out}: cannot be written: {error.strerror}") from error
+    with output(out, force=force):
+        write(out, text)
     console.say(f"{out}: give it as --vehicle to ingest or estimate")

@@ -71,7 +71,44 @@ with files.replacing(Path(sys.argv[1])) as file, processes.child(["sleep", "100"
 """
 
 
-def test_compiled_code_ends_too(tmp_path: Path) -> None:
+# a compiled loop as every estimator has them, that would go on for an hour
+COMPILED = """
+import sys
+from pathlib import Path
+from roadlog import files, interrupt
+from roadlog.jit import compiled
+
+@compiled
+def count(start, end):
+    total = start
+    while total < end:
+        total += total * 1e-12
+    return total
+
+interrupt.install()
+with files.replacing(Path(sys.argv[1])) as file:
+    file.write(b"half"); file.flush()
+    count(1.0, 1.0)
+    print("compiled", flush=True)
+    count(1.0, 1e9)
+"""
+
+
+def test_a_compiled_loop_ends(tmp_path: Path) -> None:
+    script, out = tmp_path / "long.py", tmp_path / "out"
+    script.write_text(COMPILED)
+    out.mkdir()
+    process = start(script, out / "out.csv")
+    assert process.stdout is not None
+    assert process.stdout.readline() == "compiled\n"
+    time.sleep(0.2)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=DEADLINE)
+    assert (process.returncode, errors) == (130, "roadlog: stopped; nothing written\n")
+    assert not list(out.iterdir())
+
+
+def test_what_swallows_the_signal_ends_too(tmp_path: Path) -> None:
     process = start("-c", STUBBORN, tmp_path / "out.csv")
     assert process.stdout is not None
     child = int(process.stdout.readline())

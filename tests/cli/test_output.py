@@ -27,6 +27,7 @@ COMMANDS = {
     "plot": ["plot", "hill.mcap", "-o", "OUT.png"],
     "view": ["view", "hill.mcap", "--save", "OUT.rrd"],
     "profile": ["profile", "new", "s.csv", "-o", "OUT.toml"],
+    "vehicle": ["vehicle", "new", "Honda Civic 2016-18", "-o", "OUT.toml"],
 }
 
 
@@ -57,7 +58,7 @@ def test_what_is_there_stays(folder: Path, command: str) -> None:
     assert out.read_bytes() == FOREIGN
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", [name for name in COMMANDS if name != "vehicle"])
 @pytest.mark.parametrize("alias", ["itself", "symlink", "hard link"])
 def test_an_input_is_never_the_output(folder: Path, command: str, alias: str) -> None:
     words = COMMANDS[command]
