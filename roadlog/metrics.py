@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from roadlog.columnar import ByValue, Columnar
 from roadlog.drive import stale_limit
 from roadlog.errors import LogReadError, MissingExtraError
-from roadlog.signals import ACCELERATION, ANGLES, DECELERATION, TRUTH_TOPIC
+from roadlog.signals import ACCELERATION, ANGLES, DECELERATION, SLOPES, TRUTH_TOPIC
 from roadlog.types import Bools, Floats
 
 if TYPE_CHECKING:
@@ -32,9 +32,9 @@ class AngleMetrics:
     """Errors of one angle of one estimator; None where not defined.
 
     n: samples compared. matched_share: truth samples at which there is an estimate.
-    valid_share: of those, the ones whose estimate is valid. *_deg: degrees; *_percent: grade in
-    percent. within_2sd: share of errors inside 2 standard deviations. nees: mean squared
-    error over variance.
+    valid_share: of those, the ones whose estimate is valid. *_deg: degrees; *_percent: of
+    100 tan(angle), for grade and bank. within_2sd: share of errors inside 2 standard deviations.
+    nees: mean squared error over variance.
     """
 
     n: int
@@ -46,8 +46,11 @@ class AngleMetrics:
     p95_deg: float | None
     max_deg: float | None
     std_deg: float | None
+    bias_percent: float | None
     rmse_percent: float | None
     mae_percent: float | None
+    p95_percent: float | None
+    max_percent: float | None
     within_2sd: float | None
     nees: float | None
 
@@ -294,18 +297,16 @@ def angle_metrics(errors: AngleErrors, angle: str, remove_offset: bool = False) 
         n / matched if matched else None,
     )
     if n == 0:
-        return AngleMetrics(0, *shares, *[None] * 10)
+        return AngleMetrics(0, *shares, *[None] * 13)
     error = errors.error[errors.valid]
     bias = float(error.mean())
-    percent = errors.percent[errors.valid]
     if remove_offset:
         error = error - bias
-        percent = percent - percent.mean()
     size = np.degrees(np.abs(error))
     with np.errstate(divide="ignore", invalid="ignore"):
         z = error / errors.sd[errors.valid]
     z = z[np.isfinite(z)]
-    is_grade = angle == "grade"
+    in_percent = _in_percent(errors.percent[errors.valid], remove_offset)
     return AngleMetrics(
         n,
         *shares,
@@ -315,11 +316,22 @@ def angle_metrics(errors: AngleErrors, angle: str, remove_offset: bool = False) 
         p95_deg=float(np.percentile(size, 95)),
         max_deg=float(size.max()),
         std_deg=float(np.degrees(error.std())),
-        rmse_percent=float(np.sqrt(np.mean(percent**2))) if is_grade else None,
-        mae_percent=float(np.abs(percent).mean()) if is_grade else None,
+        **in_percent if angle in SLOPES else dict.fromkeys(in_percent),
         within_2sd=float((np.abs(z) <= 2).mean()) if len(z) else None,
         nees=float((z**2).mean()) if len(z) else None,
     )
+
+
+def _in_percent(error: Floats, remove_offset: bool) -> dict[str, float]:
+    bias = float(error.mean())
+    size = np.abs(error - bias if remove_offset else error)
+    return {
+        "bias_percent": bias,
+        "rmse_percent": float(np.sqrt(np.mean(size**2))),
+        "mae_percent": float(size.mean()),
+        "p95_percent": float(np.percentile(size, 95)),
+        "max_percent": float(size.max()),
+    }
 
 
 def to_json(

@@ -11,6 +11,7 @@ from typing import Literal
 
 Kind = Literal["analog", "hold", "angle", "degrees"]
 
+SLOPES = ("grade", "bank")  # of the road: the angles that are also given in percent
 ANGLES = ("grade", "bank", "pitch", "roll", "inclination", "roll_total")
 
 FLAGS = {

@@ -43,6 +43,8 @@ def test_figures_of_a_known_error() -> None:
     assert m.within_2sd == pytest.approx(0.5)
     assert m.nees == pytest.approx(5.0)
     assert m.mae_percent == pytest.approx(50 * (np.tan(np.radians(1)) + np.tan(np.radians(3))))
+    assert m.max_percent == pytest.approx(100 * np.tan(np.radians(3)))
+    assert m.bias_percent == pytest.approx(m.mae_percent)
     m = angle_metrics(
         angle_errors(track(t, error), truth, "grade", 5.0), "grade", remove_offset=True
     )

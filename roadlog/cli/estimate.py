@@ -142,11 +142,14 @@ def estimate(
 
     Example: roadlog estimate drive.mcap -e kmbe --set kmbe.smooth=false
     """
+    from roadlog import estimators
     from roadlog.car.vehicle import Vehicle
     from roadlog.files import output
 
     _check(len(logs), out, in_place, form, engine, rate)
     parsed = _parse_settings(settings or [])
+    for name, values in parsed.items():  # a wrong one should not show after minutes of work
+        estimators.get(name).configure(values)
     given = Vehicle.load(vehicle) if vehicle else None
     target = Target(out, in_place, in_place_anyway, form == "ros2")
     choice = cast("EngineChoice", engine)

@@ -33,6 +33,7 @@ def evaluate(
     remove_offset: Annotated[
         bool, typer.Option(help="Subtract the mean error (unknown mounting).")
     ] = False,
+    slope: options.Slope = "deg",
     force: options.Force = False,
 ) -> None:
     """Compare every estimate in the log with its truth.
@@ -70,32 +71,23 @@ def evaluate(
         console.print_json(documents[0] if len(documents) == 1 else documents)
     else:
         for (log, values), at_stops, fields in zip(results, stops, further, strict=True):
-            _print(str(log.path), values, remove_offset)
+            _print(str(log.path), values, remove_offset, slope)
             _print_details(fields)
             for name, m in at_stops.items():
                 console.say(_at_stops(name, m))
     console.warn_losses([f"{log.path}: {loss}" for log, _ in results for loss in log.losses])
 
 
-def _print(log: str, values: Metrics, remove_offset: bool) -> None:
+def _print(log: str, values: Metrics, remove_offset: bool, slope: str) -> None:
     offset = "removed offset" if remove_offset else "mean"
     columns = ["angle", "estimator", "RMSE", offset, "MAE", "95 %", "max", "in 2 sd", "valid"]
     rows = [
-        [
-            angle,
-            name,
-            console.figure(m.rmse_deg),
-            console.figure(m.bias_deg),
-            console.figure(m.mae_deg),
-            console.figure(m.p95_deg),
-            console.figure(m.max_deg),
-            _percent(m.within_2sd),
-            _percent(m.valid_share),
-        ]
+        [angle, name, *_sizes(m, angle, slope), _percent(m.within_2sd), _percent(m.valid_share)]
         for angle, name, m in _ranked(values)
     ]
+    unit = "degrees, of grade and bank in percent" if slope == "percent" else "degrees"
     ending = ", mean error removed" if remove_offset else ""
-    console.print_table(columns, rows, f"{log}: errors in degrees{ending}", left=2)
+    console.print_table(columns, rows, f"{log}: errors in {unit}{ending}", left=2)
     shares = {
         name: min(m.matched_share or 0.0 for m in angles.values())
         for name, angles in values.items()
@@ -107,6 +99,19 @@ def _print(log: str, values: Metrics, remove_offset: bool) -> None:
                 f"{name}: compared at {share:.0%} of the truth's samples; near the others it has "
                 "no valid estimate"
             )
+
+
+def _sizes(m: AngleMetrics, angle: str, slope: str) -> list[str]:
+    """RMSE, mean, MAE, 95 % and max in the unit that was asked for."""
+    from roadlog.signals import SLOPES
+
+    percent = slope == "percent" and angle in SLOPES
+    sizes = (
+        (m.rmse_percent, m.bias_percent, m.mae_percent, m.p95_percent, m.max_percent)
+        if percent
+        else (m.rmse_deg, m.bias_deg, m.mae_deg, m.p95_deg, m.max_deg)
+    )
+    return [f"{console.figure(size)} %" if percent else console.figure(size) for size in sizes]
 
 
 def _print_details(fields: Details) -> None:

@@ -17,6 +17,20 @@ def _checked_clock(clock: str | None) -> str | None:
     return clock
 
 
+def _checked_slope(unit: str) -> str:
+    if unit not in ("deg", "percent"):
+        raise typer.BadParameter("must be deg or percent")
+    return unit
+
+
+Slope = Annotated[
+    str,
+    typer.Option(
+        metavar="deg|percent",
+        callback=_checked_slope,
+        help="Unit of grade and bank, and of errors.",
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace the output if it is there.")]
 Estimators = Annotated[

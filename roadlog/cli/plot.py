@@ -36,6 +36,7 @@ def plot(
     last: Annotated[
         float | None, typer.Option("--to", metavar="S|M", help="Draw up to here.")
     ] = None,
+    slope: options.Slope = "deg",
     force: options.Force = False,
 ) -> None:
     """Draw angles against truth with ±2 sd bands, and errors.
@@ -49,6 +50,7 @@ def plot(
     from roadlog.log import DriveLog
     from roadlog.view.figure import SUFFIXES, Part, write_figure
     from roadlog.view.model import drive_view
+    from roadlog.view.slopes import in_percent
 
     if out.suffix.lower() not in SUFFIXES:
         raise typer.BadParameter(
@@ -62,7 +64,7 @@ def plot(
         shown = drive_view(opened, names or ())
         for note in shown.notes:
             console.note(note)
-        write_figure(shown, out, part, further or ())
+        write_figure(in_percent(shown) if slope == "percent" else shown, out, part, further or ())
     groups = [p.estimates for p in shown.fields.values()] if further else shown.shown.values()
     drawn = {name for labels in groups for name in labels}
     names_drawn = ", ".join(name for name in shown.estimators if name in drawn)

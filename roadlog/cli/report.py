@@ -69,6 +69,7 @@ def report(
     against: Against = None,
     threshold: Threshold = 10.0,
     one_file: OneFile = False,
+    slope: options.Slope = "deg",
     force: options.Force = False,
 ) -> None:
     """Estimate, evaluate and compare many drives: a table and a page, DIR/index.html.
@@ -90,13 +91,13 @@ def report(
         check_other(out, against)
         read_report(against)  # a wrong name should not show after hours of work
     against, threshold = against or "", threshold / 100
-    finished = partial(finish, against=against, threshold=threshold, one_file=one_file)
+    finished = partial(finish, against=against, threshold=threshold, one_file=one_file, slope=slope)
     if paths:
         work = _options(names, vehicle, profile, write_back)
         made = _worked(paths, work, _engine(jobs, cluster), resume, out, force, finished)
     else:
         made = _made_again(out, force, finished)
-    _end(made, out)
+    _end(made, out, slope)
 
 
 def _made_again(out: str, force: bool, finished: Callable[..., Report]) -> Report:
@@ -228,11 +229,11 @@ class Progress:
             )
 
 
-def _end(made: Report, out: str) -> None:
+def _end(made: Report, out: str, slope: str) -> None:
     """Say what came of it; exit code 1 when worse than before, 3 when logs failed."""
     from roadlog.report.page import ranking
 
-    _print_ranking(ranking(made.rows))
+    _print_ranking(ranking(made.rows, slope), slope)
     counts = {
         status: sum(row["status"] == status for row in made.rows)
         for status in ("ok", "failed", "crashed")
@@ -270,14 +271,21 @@ def _end(made: Report, out: str) -> None:
         raise typer.Exit(console.LOSS)
 
 
-def _print_ranking(ranked: dict[str, list[dict[str, Any]]]) -> None:
+def _print_ranking(ranked: dict[str, list[dict[str, Any]]], slope: str) -> None:
+    from roadlog.signals import SLOPES
+
+    in_percent = SLOPES if slope == "percent" else ()
+
+    def size(angle: str, error: float | None) -> str:
+        return f"{console.figure(error)} %" if angle in in_percent else console.figure(error)
+
     rows = [
         [
             angle,
             entry["estimator"],
             str(entry["logs"]),
-            console.figure(entry["rmse"][2]),
-            console.figure(entry["rmse"][4]),
+            size(angle, entry["rmse"][2]),
+            size(angle, entry["rmse"][4]),
             "-" if entry["inside"] is None else f"{100 * entry['inside']:.1f} %",
             "-" if entry["valid"] is None else f"{100 * entry['valid']:.1f} %",
         ]
@@ -286,7 +294,8 @@ def _print_ranking(ranked: dict[str, list[dict[str, Any]]]) -> None:
     ]
     if rows:
         columns = ["angle", "estimator", "logs", "RMSE median", "RMSE 95 %", "in 2 sd", "valid"]
-        console.print_table(columns, rows, "errors in degrees, over all logs", left=2)
+        unit = "degrees, of grade and bank in percent" if in_percent else "degrees"
+        console.print_table(columns, rows, f"errors in {unit}, over all logs", left=2)
 
 
 def _print_comparison(comparison: Comparison) -> None:

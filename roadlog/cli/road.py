@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from roadlog.cli import console, life
+from roadlog.cli import console, life, options
 
 if TYPE_CHECKING:
     from roadlog.roads.model import RoadModel
@@ -46,6 +46,7 @@ def road(
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Also draw it; ends in .png, .svg or .pdf."),
     ] = None,
+    slope: options.Slope = "deg",
     force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
 ) -> None:
     """Merge drives to a road model: line, elevation, grade and bank, each with its sd.
@@ -70,7 +71,7 @@ def road(
         raise LogReadError(f"no road: {console.plural(len(failed), 'log')} left out, as said above")
     with life.working(f"merging {console.plural(len(passes), 'drive')}"):
         models = _parts(roads(passes, out.stem), first, last)
-    _put([m if step == STEP else m.refined(step) for m in models], passes, outputs, force)
+    _put([m if step == STEP else m.refined(step) for m in models], passes, outputs, slope, force)
     if failed:
         raise typer.Exit(console.LOSS)
 
@@ -112,7 +113,9 @@ def _parts(models: list[RoadModel], first: float | None, last: float | None) -> 
     return parts
 
 
-def _put(models: list[RoadModel], passes: list[Pass], outputs: list[Path], force: bool) -> None:
+def _put(
+    models: list[RoadModel], passes: list[Pass], outputs: list[Path], slope: str, force: bool
+) -> None:
     """Every road in its file and its picture, numbered where there are several."""
     from roadlog.files import check_output
 
@@ -120,30 +123,28 @@ def _put(models: list[RoadModel], passes: list[Pass], outputs: list[Path], force
     for path in (path.with_stem(path.stem + n) for path in outputs for n in numbers):
         check_output(path, force=force)
     for model, number in zip(models, numbers, strict=True):
-        _write(model, outputs[0], number, force)
+        _write(model, outputs[0].with_stem(outputs[0].stem + number), slope, force)
         for picture in outputs[1:]:
-            _draw(model, passes, picture, number, force)
+            _draw(model, passes, picture.with_stem(picture.stem + number), slope, force)
 
 
-def _write(model: RoadModel, out: Path, number: str, force: bool) -> None:
+def _write(model: RoadModel, path: Path, slope: str, force: bool) -> None:
     from roadlog.files import output
     from roadlog.roads import formats
 
-    path = out.with_stem(out.stem + number)
     with output(path, force=force):
         formats.write(model, path)
-    console.say(f"{path}: {summary(model)}")
+    console.say(f"{path}: {summary(model, slope)}")
     for note in model.notes:
         console.say(f"  {note}")
 
 
-def _draw(model: RoadModel, passes: list[Pass], out: Path, number: str, force: bool) -> None:
+def _draw(model: RoadModel, passes: list[Pass], path: Path, slope: str, force: bool) -> None:
     from roadlog.files import output
     from roadlog.view.road import write_figure
 
-    path = out.with_stem(out.stem + number)
     with output(path, force=force):
-        write_figure(model, passes, path)
+        write_figure(model, passes, path, slope=slope)
     console.say(f"{path}: grade, bank and elevation over distance, the drives behind")
 
 
@@ -165,13 +166,16 @@ def _passes(drives: list[str], estimator: str) -> tuple[list[Pass], list[str]]:
     return passes, failed
 
 
-def summary(model: RoadModel) -> str:
-    """One line on a road model."""
+def summary(model: RoadModel, slope: str = "deg") -> str:
+    """One line on a road model. slope: deg or percent."""
     import numpy as np
 
     def known(values: np.ndarray) -> str:
         finite = values[np.isfinite(values)]
-        return f"{np.degrees(np.median(finite)):.2f} deg" if len(finite) else "unknown"
+        if not len(finite):
+            return "unknown"
+        sd = float(np.median(finite))
+        return f"{100 * sd:.2f} %" if slope == "percent" else f"{np.degrees(sd):.2f} deg"
 
     ways = "both directions" if model.both_ways else "one direction"
     return (

@@ -20,7 +20,7 @@ from roadlog.files import write
 from roadlog.report.detail import numbers, script_json
 from roadlog.report.row import STATUSES, Options
 from roadlog.report.table import Row
-from roadlog.signals import ANGLES
+from roadlog.signals import ANGLES, SLOPES
 from roadlog.version import __version__
 from roadlog.view import colors
 
@@ -36,7 +36,14 @@ PAGE_LOGS = 20_000  # that the index holds; of more, what failed and the worst
 SHOWN_ROADS, ROAD_POINTS = 60, 9000  # stretches, and points of them all; the table has the rest
 SHOWN_CHANGES = 200
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)  # of a ranking's RMSEs
-FIGURES = {"rmse": "rmse_deg", "bias": "bias_deg", "inside": "within_2sd", "valid": "valid_share"}
+FIGURES = {
+    "rmse": "rmse_deg",
+    "bias": "bias_deg",
+    "rmse_percent": "rmse_percent",
+    "bias_percent": "bias_percent",
+    "inside": "within_2sd",
+    "valid": "valid_share",
+}
 
 
 def write_assets(folder: Path) -> None:
@@ -60,8 +67,9 @@ def detail_page(name: str, data: str) -> str:
     return _template("detail.html.j2").render(title=_unicode(name), data=data)
 
 
-def ranking(rows: Sequence[Row]) -> dict[str, list[dict[str, Any]]]:
-    """angle -> estimators, the one with the smallest median RMSE first."""
+def ranking(rows: Sequence[Row], slope: str = "deg") -> dict[str, list[dict[str, Any]]]:
+    """angle -> estimators, the one with the smallest median RMSE first. slope: unit of the RMSE of
+    grade and bank, deg or percent."""
     result: dict[str, list[dict[str, Any]]] = {}
     pairs = {(e, a) for row in rows for e, angles in row["angles"].items() for a in angles}
     for estimator, angle in sorted(pairs):
@@ -70,7 +78,8 @@ def ranking(rows: Sequence[Row]) -> dict[str, list[dict[str, Any]]]:
         def known(name: str, found: list[dict] = found) -> list[float]:
             return [v for f in found if (v := f.get(name)) is not None]
 
-        rmse, inside, valid = (known(FIGURES[n]) for n in ("rmse", "inside", "valid"))
+        size = "rmse_percent" if slope == "percent" and angle in SLOPES else "rmse"
+        rmse, inside, valid = (known(FIGURES[n]) for n in (size, "inside", "valid"))
         entry = {
             "estimator": estimator,
             "logs": len(found),
@@ -92,15 +101,19 @@ def write_index(
     comparison: Comparison | None = None,
     *,
     one_file: bool = False,
+    slope: str = "deg",
 ) -> None:
     """`index.html` over all rows, replaced at once.
 
-    one_file: instead `report.html`, which needs no other file and so has no page a log.
+    slope: the unit of grade and bank that it begins with. one_file: instead `report.html`, which
+    needs no other file and so has no page a log.
     """
     ranked = ranking(rows)
     shown = _shown(rows, ranked)
     data = _data(shown, ranked, len(rows) - len(shown))
     data["facts"] = _facts(rows)
+    data["slope"] = slope
+    data["ranking_percent"] = ranking(rows, "percent")
     if one_file:
         data["logs"]["detail"] = [None] * len(shown)
     stretches = None

@@ -140,10 +140,12 @@ def finish(
     threshold: float = 0.0,
     done_before: int = 0,
     one_file: bool = False,
+    slope: str = "deg",
 ) -> Report:
     """Tables, road profile and index page of a report whose rows are there.
 
-    against: folder or URL of another report. one_file: also a page to send. Raises LogReadError,
+    against: folder or URL of another report. one_file: also a page to send. slope: the unit
+    of grade and bank that the pages begin with, deg or percent. Raises LogReadError,
     LogWriteError.
     """
     comparison = compare(rows, read_report(against), against, threshold) if against else None
@@ -155,7 +157,9 @@ def finish(
             comparison.write(folder)
         page.write_assets(folder)
         for alone in (False, True) if one_file else (False,):
-            page.write_index(folder, rows, options, profile, comparison, one_file=alone)
+            page.write_index(
+                folder, rows, options, profile, comparison, one_file=alone, slope=slope
+            )
     except OSError as error:
         raise LogWriteError(f"{error.filename or folder}: {error.strerror}") from error
     return Report(rows, done_before, profile, comparison)

@@ -26,7 +26,8 @@ STATISTICS = ("mean_deg", "sd_deg", "p05_deg", "p95_deg", "min_deg", "max_deg")
 SHOWN = ("rmse_deg", "bias_deg", "within_2sd", "valid_share")  # of each estimator and angle
 FIGURES = (
     "n", "matched_share", "valid_share", "bias_deg", "rmse_deg", "mae_deg", "p95_deg", "max_deg",
-    "std_deg", "rmse_percent", "mae_percent", "within_2sd", "nees",
+    "std_deg", "bias_percent", "rmse_percent", "mae_percent", "p95_percent", "max_percent",
+    "within_2sd", "nees",
 )  # fmt: skip
 
 Row = dict[str, Any]

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from roadlog.drive import runs
 from roadlog.errors import LogReadError, near
@@ -19,6 +18,7 @@ from roadlog.view import colors
 from roadlog.view.curves import Curve
 from roadlog.view.fields import FieldPlot
 from roadlog.view.model import BAND_ROOM, DriveView, Inputs
+from roadlog.view.slopes import degrees, percent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -256,9 +256,11 @@ def _angle(
         drawn[name] = axis.plot(part.of(curve)[at], curve.values[at], color=color[name], lw=1.0)[0]
         _band(axis, curve, curve.values, color[name], part)
         _hatch(axis, curve, part)
-    _finish(axis, f"{angle} [°]", _limits(view, angle, part))
+    _finish(axis, f"{angle} [{view.unit(angle)}]", _limits(view, angle, part))
     if angle == "grade":
-        axis.secondary_yaxis("right", functions=(_percent, _degrees)).set_ylabel("grade [%]")
+        ways = (percent, degrees) if view.unit(angle) == "°" else (degrees, percent)
+        other = axis.secondary_yaxis("right", functions=ways)
+        other.set_ylabel("grade [%]" if view.unit(angle) == "°" else "grade [°]")
     return drawn
 
 
@@ -278,7 +280,7 @@ def _limits(view: DriveView, angle: str, part: Part) -> tuple[float, float]:
 
 def _errors(axis: Axes, view: DriveView, angle: str, part: Part, color: dict[str, str]) -> None:
     """Errors of one angle about their bands, and their RMSE in words."""
-    said, widths = [], []
+    said, widths, unit = [], [], view.unit(angle)
     for name in reversed(view.shown[angle]):
         if name not in view.errors[angle]:
             continue
@@ -290,11 +292,12 @@ def _errors(axis: Axes, view: DriveView, angle: str, part: Part, color: dict[str
             widths.append(BAND_ROOM * float(np.nanmedian(error.sd[at])))
         known = error.values[at & np.isfinite(error.values)]
         if len(known):
-            said.append(f"{name} RMSE {np.sqrt(np.mean(known**2)):.2f}°, sd {np.std(known):.2f}°")
+            rmse, spread = np.sqrt(np.mean(known**2)), np.std(known)
+            said.append(f"{name} RMSE {rmse:.2f}{unit}, sd {spread:.2f}{unit}")
     axis.set_title("; ".join(reversed(said)), loc="left", fontsize=8)
     low, high = view.error_ranges[angle]
     widest = max(widths, default=0.0)
-    _finish(axis, f"{angle} error [°]", (min(low, -widest), max(high, widest)))
+    _finish(axis, f"{angle} error [{unit}]", (min(low, -widest), max(high, widest)))
 
 
 def _panel(axis: Axes, view: DriveView, panel: str, part: Part) -> None:
@@ -317,14 +320,6 @@ def _hatch(axis: Axes, curve: Curve, part: Part) -> None:
                 x[run][0], x[run][-1], facecolor="none", edgecolor="#9aa0a6", hatch="///", lw=0,
                 alpha=0.35,
             )  # fmt: skip
-
-
-def _percent(degrees: ArrayLike) -> Floats:
-    return 100 * np.tan(np.radians(np.asarray(degrees, np.float64)))
-
-
-def _degrees(percent: ArrayLike) -> Floats:
-    return np.degrees(np.arctan(np.asarray(percent, np.float64) / 100))
 
 
 def _band(axis: Axes, curve: Curve, center: Any, color: str, part: Part) -> None:

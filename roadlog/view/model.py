@@ -12,7 +12,7 @@ from roadlog.errors import ConfigError
 from roadlog.estimate import Estimate
 from roadlog.log import DriveLog
 from roadlog.metrics import AngleErrors, angle_errors
-from roadlog.signals import ANGLES
+from roadlog.signals import ANGLES, SLOPES
 from roadlog.types import Floats
 from roadlog.view.colors import ordered
 from roadlog.view.curves import Curve, on_clock
@@ -81,6 +81,11 @@ class DriveView:
     stops: dict[str, StopPicture]
     texts: dict[str, str]
     notes: tuple[str, ...]
+    slope: str = "°"  # unit of grade and bank, and of their errors
+
+    def unit(self, angle: str) -> str:
+        """Of an angle and its errors."""
+        return self.slope if angle in SLOPES else "°"
 
 
 _WHEELS = ("fl", "fr", "rl", "rr")

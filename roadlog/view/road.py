@@ -12,6 +12,7 @@ from roadlog.files import replacing
 from roadlog.roads.model import RoadModel, road_axes
 from roadlog.roads.passes import Pass
 from roadlog.types import Floats
+from roadlog.view.slopes import degrees, percent, percent_sd
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,33 +26,46 @@ DRIVE = "#9aa0a6"
 
 
 def write_figure(
-    model: RoadModel, passes: Sequence[Pass], path: Path, truth: RoadModel | None = None
+    model: RoadModel,
+    passes: Sequence[Pass],
+    path: Path,
+    truth: RoadModel | None = None,
+    slope: str = "deg",
 ) -> None:
     """Write the figure as png, svg or pdf. Raises LogWriteError."""
     import matplotlib
 
     with matplotlib.rc_context({"svg.hashsalt": "roadlog", "svg.fonttype": "none"}):
-        figure = road_figure(model, passes, truth)
+        figure = road_figure(model, passes, truth, slope)
         kind = path.suffix.lower()[1:]
         date = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
         with replacing(path) as file:
             figure.savefig(file, format=kind, dpi=DPI, metadata=date)
 
 
-def road_figure(model: RoadModel, passes: Sequence[Pass], truth: RoadModel | None = None) -> Figure:
-    """The figure itself, for notebooks. truth: a road to draw beside it, by station."""
+def road_figure(
+    model: RoadModel,
+    passes: Sequence[Pass],
+    truth: RoadModel | None = None,
+    slope: str = "deg",
+) -> Figure:
+    """The figure itself, for notebooks. truth: a road to draw beside it, by station. slope: deg or
+    percent, of grade and bank."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, 0.9 + 3 * ROW), layout="constrained")
     axes = figure.subplots(3, 1, sharex=True)
     ways = "both directions" if model.both_ways else "one direction"
-    figure.suptitle(f"{model.name}: {model.length:.0f} m, {model.drives} drives, {ways}")
+    counted = "1 drive" if model.drives == 1 else f"{model.drives} drives"
+    figure.suptitle(f"{model.name}: {model.length:.0f} m, {counted}, {ways}")
+    in_percent = slope == "percent"
+    unit = "%" if in_percent else "°"
     for own in passes:
-        _drive(axes, model, own)
+        _drive(axes, model, own, in_percent)
     axes[0].plot([], [], color=DRIVE, lw=0.6, label="drives, as estimated in the car")
     rows = (
-        ("grade", np.degrees(model.grade), np.degrees(model.grade_sd), "grade [°]"),
-        ("bank", np.degrees(model.bank), np.degrees(model.bank_sd), "bank [°]"),
+        ("grade", *_shown(model.grade, model.grade_sd, in_percent), f"grade [{unit}]"),
+        ("bank", *_shown(model.bank, model.bank_sd, in_percent), f"bank [{unit}]"),
         ("elevation", model.z, model.z_sd, "elevation [m]"),
     )
     for axis, (name, values, sd, label) in zip(axes, rows, strict=True):
@@ -61,36 +75,44 @@ def road_figure(model: RoadModel, passes: Sequence[Pass], truth: RoadModel | Non
         )  # fmt: skip
         axis.plot(model.s, values, color=COLOR[name], lw=1.4, label=f"road ({name})")
         if truth is not None:
-            _truth(axis, truth, name)
+            _truth(axis, truth, name, in_percent)
         if not np.isfinite(values).any():
             axis.text(0.5, 0.5, f"no estimate of the {name}", transform=axis.transAxes, ha="center")
         axis.set_ylabel(label)
         axis.grid(True, lw=0.4, alpha=0.5)
         axis.margins(x=0)
         axis.legend(loc="upper right", bbox_to_anchor=(1, 1.16), ncols=4, frameon=False, fontsize=8)
-    axes[0].secondary_yaxis(
-        "right", functions=(lambda a: 100 * np.tan(np.radians(a)), _degrees_of_percent)
-    ).set_ylabel("grade [%]")
+    turns = (degrees, percent) if in_percent else (percent, degrees)
+    other = axes[0].secondary_yaxis("right", functions=turns)
+    other.set_ylabel("grade [°]" if in_percent else "grade [%]")
     axes[-1].set_xlabel("distance along the road [m]")
     return figure
 
 
-def _degrees_of_percent(percent: Floats) -> Floats:
-    return np.degrees(np.arctan(np.asarray(percent) / 100))
+def _shown(slope: Floats, sd: Floats, in_percent: bool) -> tuple[Floats, Floats]:
+    """A slope in rad and its sd in the unit that is drawn."""
+    found, wide = np.degrees(slope), np.degrees(sd)
+    return (percent(found), percent_sd(wide, found)) if in_percent else (found, wide)
 
 
-def _drive(axes: Sequence[Axes], model: RoadModel, own: Pass) -> None:
+def _drive(axes: Sequence[Axes], model: RoadModel, own: Pass, in_percent: bool) -> None:
     """One drive's own angles in the road's axes, thin and gray."""
     x, y = model.plane.forward(own.latitude, own.longitude)
     station, _, turn = model.locate(x, y, own.heading, REACH)
     if not np.isfinite(station).any():
         return
     grade, bank = road_axes(own.grade, own.bank, turn)
-    order = np.argsort(station)
-    for axis, values in zip(axes, (np.degrees(grade), np.degrees(bank), own.altitude), strict=True):
-        axis.plot(station[order], values[order], color=DRIVE, lw=0.6, alpha=0.7)
+    leaps = np.flatnonzero(np.abs(np.diff(station)) > REACH) + 1  # the road meets itself there
+    station = np.insert(station, leaps, np.nan)
+    slopes = (_shown(values, values, in_percent)[0] for values in (grade, bank))
+    for axis, values in zip(axes, (*slopes, own.altitude), strict=True):
+        axis.plot(station, np.insert(values, leaps, np.nan), color=DRIVE, lw=0.6, alpha=0.7)
 
 
-def _truth(axis: Axes, truth: RoadModel, name: str) -> None:
-    values = truth.z if name == "elevation" else np.degrees(getattr(truth, name))
+def _truth(axis: Axes, truth: RoadModel, name: str, in_percent: bool) -> None:
+    if name == "elevation":
+        values = truth.z
+    else:
+        slope = getattr(truth, name)
+        values = _shown(slope, slope, in_percent)[0]
     axis.plot(truth.s, values, color="black", lw=0.8, ls="--", label="truth")

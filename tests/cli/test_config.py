@@ -139,6 +139,26 @@ def test_a_path_that_is_not_there(
     assert run.stderr == f"roadlog: mine.toml: {why}"  # the default is not to blame
 
 
+def test_slopes_in_percent_for_all_commands(
+    roadlog, hill_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert roadlog("estimate", hill_log, "-e", "kmbe").returncode == 0
+
+    def rmse() -> str:
+        return roadlog("evaluate", hill_log).stdout.splitlines()[-1].split("kmbe")[1].strip()
+
+    degrees = float(rmse().split()[0])
+    (tmp_path / "roadlog.toml").write_text('slope = "percent"\n')
+    value, unit = rmse().split()[:2]
+    assert unit == "%"
+    assert float(value) == pytest.approx(degrees * 100 * 0.01745, rel=0.02)
+    monkeypatch.setenv("ROADLOG_SLOPE", "deg")
+    assert float(rmse().split()[0]) == degrees
+    monkeypatch.setenv("ROADLOG_SLOPE", "prozent")
+    refused = roadlog("evaluate", hill_log)
+    assert refused.stderr == "roadlog: ROADLOG_SLOPE = 'prozent': must be deg or percent\n"
+
+
 def test_the_command_line_wins(roadlog, hill_log: Path, tmp_path: Path) -> None:
     (tmp_path / "roadlog.toml").write_text('estimator = ["ti"]\n')
     said = json.loads(roadlog("config", "--json").stdout)

@@ -14,7 +14,8 @@ from support.drives import ROOT, Run
 
 KEYS = {
     "n", "matched_share", "valid_share", "bias_deg", "rmse_deg", "mae_deg", "p95_deg", "max_deg",
-    "std_deg", "rmse_percent", "mae_percent", "within_2sd", "nees",
+    "std_deg", "bias_percent", "rmse_percent", "mae_percent", "p95_percent", "max_percent",
+    "within_2sd", "nees",
 }  # fmt: skip
 
 

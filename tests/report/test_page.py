@@ -151,6 +151,22 @@ def test_index_ranks_sorts_and_filters(report: Path, page: Callable[[Path], Any]
     assert texts(opened, "#count") == ["5 of 7 logs"]
 
 
+def test_slopes_in_percent(report: Path, page: Callable[[Path], Any]) -> None:
+    opened = page(report / "index.html")
+    sizes = "#drives tbody td:nth-child(7)"
+    degrees = [float(text) for text in texts(opened, sizes) if text != "–"]
+    choose(opened, "slope", "percent")
+    percents = [float(text) for text in texts(opened, sizes) if text != "–"]
+    np.testing.assert_allclose(percents, np.multiply(degrees, 100 * np.pi / 180), rtol=0.02)
+    assert "%" in texts(opened, "#drives th:nth-child(7)")[0]
+    assert "grade, %" in " ".join(texts(opened, "#road-curves svg .ytitle"))
+    click(opened, "#drives tbody tr:first-child a")
+    assert texts(opened, "#curves svg .ytitle")[:1] == ["grade, %"]
+    assert "%" in texts(opened, "#figures tbody td:nth-child(3)")
+    choose(opened, "angle", "inclination")
+    assert texts(opened, "#curves svg .ytitle")[:1] == ["inclination, deg"]
+
+
 def test_texts_of_logs_are_only_texts(report: Path, page: Callable[[Path], Any]) -> None:
     opened = page(report / "index.html")
     assert HOSTILE in texts(opened, "#drives tbody td:first-child")

@@ -21,6 +21,7 @@ from roadlog.log import DriveLog, create
 from roadlog.view import colors
 from roadlog.view.figure import Part, angle_figure, write_figure
 from roadlog.view.model import DriveView, drive_view
+from roadlog.view.slopes import in_percent
 
 
 def test_figure_draws_what_the_view_holds(log: DriveLog) -> None:
@@ -57,6 +58,26 @@ def test_figure_over_a_part_of_the_distance(log: DriveLog) -> None:
     low, high = figure.axes[0].get_ylim()  # fits the part
     assert low < shown.min() <= shown.max() < high
     assert high - low < 1.5 * max(np.ptp(shown), 1.0)
+
+
+def test_slopes_in_percent(log: DriveLog) -> None:
+    degrees = drive_view(log, ["kmbe"])
+    figure = angle_figure(in_percent(degrees))
+    angle, error = figure.axes[:2]
+    assert (angle.get_ylabel(), error.get_ylabel()) == ("grade [%]", "grade error [%]")
+    true, found = (
+        100 * np.tan(np.radians(curves["grade"][name].values))
+        for curves, name in ((degrees.truth, "truth"), (degrees.estimates, "kmbe"))
+    )
+    truth, kmbe = angle.get_lines()
+    assert_allclose(truth.get_ydata(), true)
+    assert_allclose(kmbe.get_ydata(), found)
+    off, wrong = error.get_lines()[0].get_ydata(), degrees.errors["grade"]["kmbe"].values
+    known = np.isfinite(wrong)
+    assert_allclose(off[known], (found - true)[known], atol=1e-9)
+    assert np.isnan(off[~known]).all()
+    assert "%, sd" in error.get_title(loc="left")
+    assert "pitch [°]" in {axis.get_ylabel() for axis in figure.axes}
 
 
 def test_figure_of_single_angles(log: DriveLog, tmp_path: Path) -> None:

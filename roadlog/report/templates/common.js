@@ -4,14 +4,16 @@ const data = JSON.parse(document.getElementById("data").textContent);
 const byId = (id) => document.getElementById(id);
 const dark = window.matchMedia("(prefers-color-scheme: dark)");
 const ANGLES = ["grade", "bank", "pitch", "roll", "inclination", "roll_total"];
+const SLOPES = ["grade", "bank"]; // of the road, also shown in percent
+const PERCENT = 100 * (Math.PI / 180); // of a small angle in deg
 const TERMS = { // heading -> what it means
-  RMSE: "root mean square of estimate minus truth, deg; the lower the better",
-  "RMSE median": "half of the drives have a smaller RMSE; deg",
-  "5 %": "one drive in twenty has a smaller RMSE; deg",
-  "95 %": "19 in 20 are smaller: drives in a ranking, absolute errors in a drive; deg",
-  mean: "mean of estimate minus truth, deg: an offset that does not average away",
-  MAE: "mean of the absolute error, deg",
-  max: "largest absolute error, deg",
+  RMSE: "root mean square of estimate minus truth, the lower the better",
+  "RMSE median": "half of the drives have a smaller RMSE",
+  "5 %": "one drive in twenty has a smaller RMSE",
+  "95 %": "19 in 20 are smaller: drives in a ranking, absolute errors in a drive",
+  mean: "mean of estimate minus truth: an offset that does not average away",
+  MAE: "mean of the absolute error",
+  max: "largest absolute error",
   "in 2 sd": "share of the truth within two of the estimate's own standard deviations; 95 % is honest, "
     + "less is overconfident, more is too careful",
   NEES: "mean of (error / sd) squared; 1 is honest, 4 means that the sd is half of what it should be",
@@ -20,6 +22,19 @@ const TERMS = { // heading -> what it means
   "took s": "seconds of work",
   passes: "how often drives went over this point",
 };
+
+// The unit of grade and bank: chosen on the page, first what the report was made for.
+const inPercent = (angle) => byId("slope").value === "percent" && SLOPES.includes(angle);
+const unitOf = (angle) => (inPercent(angle) ? "%" : "deg");
+const tangent = (degrees) => (degrees === null ? null : 100 * Math.tan((degrees * Math.PI) / 180));
+// An angle, an error or an sd in deg, in the unit of its angle.
+const turned = (angle, values) => (inPercent(angle) ? values.map(tangent) : values);
+const sized = (angle, values) => (inPercent(angle) ? values.map((v) => (v === null ? null : PERCENT * v)) : values);
+
+function chooseSlope(first, redraw) {
+  fill(byId("slope"), [["deg", "degrees"], ["percent", "percent"]], first);
+  byId("slope").onchange = redraw;
+}
 
 function element(tag, text, className) {
   const made = document.createElement(tag);

@@ -3,7 +3,7 @@ const { row, time } = data;
 const VISIBLE = 5; // estimators shown at first, the best ones
 const angles = ANGLES.filter((angle) => data.curves[angle]);
 const fields = Object.keys(data.fields); // of further channels, like tire forces
-const unit = (angle) => data.fields[angle]?.unit ?? "deg";
+const unit = (angle) => data.fields[angle]?.unit ?? unitOf(angle);
 const rmse = (name, angle) => row.angles[name]?.[angle]?.rmse_deg ?? row.details[name]?.[angle]?.rmse ?? Infinity;
 
 function ranked(angle) {
@@ -49,18 +49,22 @@ function marks(spans, height, color) {
   }));
 }
 
+const mapped = (of, change) => Object.fromEntries(Object.entries(of).map(([name, values]) => [name, change(values)]));
+
 function showCurves(angle, chosen) {
   const names = ranked(angle);
   const x = along();
   const middles = x.filter((_, k) => k % 2 === 0);
-  const truth = data.curves[angle]?.truth;
-  const errors = data.errors[angle];
+  const curves = mapped(data.curves[angle] || {}, (values) => turned(angle, values));
+  const bands = mapped(data.bands[angle] || {}, (edges) => edges.map((values) => turned(angle, values)));
+  const errors = data.errors[angle] && mapped(data.errors[angle], (values) => sized(angle, values));
+  const { truth } = curves;
   const shown = (k) => (k < VISIBLE ? true : "legendonly");
   const best = names.slice(0, VISIBLE);
-  const room = reach([...best.map((name) => data.curves[angle][name]), ...(truth ? [truth] : [])]);
+  const room = reach([...best.map((name) => curves[name]), ...(truth ? [truth] : [])]);
   const errorRoom = errors ? reach(best.filter((name) => errors[name]).map((name) => errors[name])) : [0, 0];
   const traces = names.flatMap((name, k) => {
-    const edges = data.bands[angle]?.[name];
+    const edges = bands[name];
     const about = { name: plain(name) + " ±2 sd", legendgroup: name, visible: shown(k) };
     if (!edges) return [];
     const made = [band(middles, within(edges[0], room), within(edges[1], room), colorOf(name), about)];
@@ -78,7 +82,7 @@ function showCurves(angle, chosen) {
     const k = names.indexOf(name);
     const line = { x, name: plain(name), legendgroup: name, mode: "lines", line: { width: 1.3, color: colorOf(name) },
       visible: shown(k), legendrank: k };
-    traces.push({ ...line, y: data.curves[angle][name] });
+    traces.push({ ...line, y: curves[name] });
     if (errors?.[name]) traces.push({ ...line, y: errors[name], yaxis: "y2", showlegend: false });
   });
   draw("curves", traces, {
@@ -91,7 +95,7 @@ function showCurves(angle, chosen) {
     legend: { orientation: "h", y: 1.02, yanchor: "bottom" },
   });
   const parts = [];
-  if (Object.keys(data.bands[angle] || {}).length) {
+  if (Object.keys(bands).length) {
     parts.push("Bands: ±2 sd of each estimate, about 0 on the errors; cut where they would flatten the curves.");
   }
   if ((data.invalid[chosen] || []).length) parts.push("Gray: " + chosen + " does not vouch for its value.");
@@ -105,12 +109,12 @@ function showHistogram(angle) {
   const names = ranked(angle).filter((name) => found[name]);
   const traces = names.map((name, k) => {
     const total = found[name].reduce((sum, n) => sum + n, 0);
-    return { x: found[name].map((_, bin) => -limit + (bin + 0.5) * step), y: found[name].map((n) => n / total),
+    return { x: sized(angle, found[name].map((_, bin) => -limit + (bin + 0.5) * step)), y: found[name].map((n) => n / total),
       name: plain(name), mode: "lines", line: { shape: "hvh", width: 1.3, color: colorOf(name) },
       visible: k < VISIBLE ? true : "legendonly" };
   });
   draw("histogram", traces, {
-    height: 380, xaxis: { title: { text: "error, deg (beyond " + limit + " in the last bins)" } },
+    height: 380, xaxis: { title: { text: "error, " + unitOf(angle) + " (beyond " + figure(sized(angle, [limit])[0], 1) + " in the last bins)" } },
     yaxis: { title: { text: "share" } }, legend: { orientation: "h", y: -0.25 },
   });
 }
@@ -121,12 +125,13 @@ function showMap(angle, name) {
     return;
   }
   const errors = data.errors[angle]?.[name];
-  const color = errors ? errors.map((e) => (e === null ? null : Math.abs(e))) : data.curves[angle]?.[name];
+  const color = errors ? sized(angle, errors).map((e) => (e === null ? null : Math.abs(e)))
+    : turned(angle, data.curves[angle]?.[name] || []);
   const known = data.track.latitude.filter((v) => v !== null);
   const middle = known.length ? known[Math.floor(known.length / 2)] : 0;
   draw("map", [{
     x: data.track.longitude, y: data.track.latitude, type: "scatter", mode: "markers",
-    text: (color || []).map((v, k) => "t = " + time[k] + " s: " + figure(v) + " deg"), hoverinfo: "text",
+    text: color.map((v, k) => "t = " + time[k] + " s: " + figure(v) + " " + unit(angle)), hoverinfo: "text",
     marker: { size: 5, color, colorscale: errors ? "YlOrRd" : "RdBu", reversescale: Boolean(errors),
       colorbar: { title: { text: (errors ? "|error|, " : plain(angle) + ", ") + unit(angle) }, thickness: 12 } },
   }], {
@@ -150,11 +155,11 @@ function table(columns, rows, textColumns) {
 function showFigures() {
   const rows = angles.flatMap((angle) => ranked(angle).map((name) => {
     const m = row.angles[name][angle];
-    return [angle.replace("_", " "), name, figure(m.rmse_deg), figure(m.bias_deg), figure(m.mae_deg), figure(m.p95_deg),
-      figure(m.max_deg), percent(m.within_2sd), figure(m.nees, 2), percent(m.valid_share), figure(row.run_time_s[name], 2)];
+    const sizes = ["rmse", "bias", "mae", "p95", "max"].map((of) => figure(inPercent(angle) ? m[of + "_percent"] : m[of + "_deg"]));
+    return [angle.replace("_", " "), name, unitOf(angle), ...sizes, percent(m.within_2sd), figure(m.nees, 2), percent(m.valid_share), figure(row.run_time_s[name], 2)];
   }));
-  const columns = ["angle", "estimator", "RMSE", "mean", "MAE", "95 %", "max", "in 2 sd", "NEES", "valid", "took s"];
-  byId("figures").replaceChildren(table(columns, rows, 2), glossary(columns));
+  const columns = ["angle", "estimator", "unit", "RMSE", "mean", "MAE", "95 %", "max", "in 2 sd", "NEES", "valid", "took s"];
+  byId("figures").replaceChildren(table(columns, rows, 3), glossary(columns));
   const further = fields.flatMap((field) => ranked(field).map((name) => {
     const m = row.details[name][field];
     const shown = [m.rmse, m.bias, m.mae, m.p95, m.max, m.spread];
@@ -203,6 +208,10 @@ byId("angle").onchange = update;
 byId("estimator").onchange = showChosen;
 byId("over").onchange = showChosen;
 dark.addEventListener("change", update);
+chooseSlope(location.hash === "#percent" ? "percent" : "deg", () => {
+  showFigures();
+  if (names.length) update();
+});
 showFacts();
 showFigures();
 showEvents();

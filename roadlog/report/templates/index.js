@@ -7,7 +7,8 @@ const STATUSES = ["ok", "failed", "crashed"];
 const numbers = (list) => Float64Array.from(list, (value) => (value === null ? NaN : value));
 for (const name of ["duration", "distance", "seconds", "warnings"]) logs[name] = numbers(logs[name]);
 const pairs = new Map(data.metrics.map((m) => [m.estimator + " " + m.angle, {
-  ...m, rmse: numbers(m.rmse), bias: numbers(m.bias), inside: numbers(m.inside), valid: numbers(m.valid),
+  ...m, rmse_percent: numbers(m.rmse_percent), bias_percent: numbers(m.bias_percent),
+  rmse: numbers(m.rmse), bias: numbers(m.bias), inside: numbers(m.inside), valid: numbers(m.valid),
 }]));
 const nothing = new Float64Array(count).fill(NaN);
 const angles = ANGLES.filter((angle) => data.metrics.some((m) => m.angle === angle));
@@ -49,11 +50,17 @@ function isFiltered() {
   return ["vehicle", "road", "status", "text"].some((id) => byId(id).value !== "");
 }
 
+// The figures of an estimator and an angle, errors in the unit that is chosen.
+function pairOf(name) {
+  const pair = pairs.get(name + " " + state.angle);
+  return pair && inPercent(state.angle) ? { ...pair, rmse: pair.rmse_percent, bias: pair.bias_percent } : pair;
+}
+
 function rank(rows) {
-  if (!isFiltered() && data.left_out) return data.ranking[state.angle] || [];
+  if (!isFiltered() && data.left_out) return (inPercent(state.angle) ? data.ranking_percent : data.ranking)[state.angle] || [];
   const ranked = [];
   for (const name of names) {
-    const pair = pairs.get(name + " " + state.angle);
+    const pair = pairOf(name);
     if (!pair) continue;
     const present = rows.filter((row) => !Number.isNaN(pair.valid[row]));
     if (!present.length) continue;
@@ -105,7 +112,7 @@ function showRanking(ranked) {
     lowerfence: [r.rmse[0]], upperfence: [r.rmse[4]], marker: { color: data.colors[r.estimator] }, hoverinfo: "x",
   })), {
     height: Math.max(320, 60 + 24 * shown.length), showlegend: false,
-    xaxis: { title: { text: "RMSE of " + state.angle.replace("_", " ") + ", deg<br>box 25–75 %, whiskers 5–95 %" }, rangemode: "tozero" },
+    xaxis: { title: { text: "RMSE of " + state.angle.replace("_", " ") + ", " + unitOf(state.angle) + "<br>box 25–75 %, whiskers 5–95 %" }, rangemode: "tozero" },
     yaxis: { type: "category" },
   });
 }
@@ -137,7 +144,7 @@ function logCell(row) {
   const cell = element("td", undefined, "text");
   if (logs.detail[row]) {
     const link = element("a", logs.name[row]);
-    link.href = logs.detail[row];
+    link.href = logs.detail[row] + (byId("slope").value === "percent" ? "#percent" : "");
     cell.append(link);
   } else {
     cell.textContent = logs.name[row];
@@ -155,8 +162,8 @@ function driveColumns(pair) {
     { key: "road", title: "road", text: true, value: (row) => data.roads[logs.road[row]] },
     { key: "duration", title: "min:s", value: (row) => logs.duration[row], show: minutes },
     { key: "distance", title: "km", value: (row) => logs.distance[row], show: (v) => figure(v, 1) },
-    { key: "rmse", title: "RMSE", value: (row) => pair.rmse[row], show: figure },
-    { key: "bias", title: "mean", value: (row) => pair.bias[row], show: figure },
+    { key: "rmse", title: "RMSE", unit: unitOf(state.angle), value: (row) => pair.rmse[row], show: figure },
+    { key: "bias", title: "mean", unit: unitOf(state.angle), value: (row) => pair.bias[row], show: figure },
     { key: "inside", title: "in 2 sd", value: (row) => pair.inside[row], show: percent },
     { key: "valid", title: "valid", value: (row) => pair.valid[row], show: percent },
     { key: "warnings", title: "warnings", value: (row) => logs.warnings[row], show: (v) => figure(v, 0) },
@@ -165,7 +172,7 @@ function driveColumns(pair) {
 }
 
 function showDrives(rows, estimator) {
-  const pair = pairs.get(estimator + " " + state.angle) || { rmse: nothing, bias: nothing, inside: nothing, valid: nothing };
+  const pair = pairOf(estimator) || { rmse: nothing, bias: nothing, inside: nothing, valid: nothing };
   const shown = state.estimator ? rows.filter((row) => !Number.isNaN(pair.valid[row])) : rows.slice();
   const columns = driveColumns(pair);
   const column = columns.find((c) => c.key === state.sort);
@@ -185,7 +192,7 @@ function showDrives(rows, estimator) {
     for (const c of columns) {
       const th = element("th", undefined, c.text ? "text" : "");
       const button = element("button");
-      button.append(term(c.title));
+      button.append(term(c.title), c.unit ? ", " + c.unit : "");
       button.type = "button";
       button.onclick = () => {
         state.down = state.sort === c.key ? !state.down : !c.text;
@@ -263,5 +270,6 @@ byId("reset").onclick = () => {
   update();
 };
 dark.addEventListener("change", update);
+chooseSlope(data.slope, update);
 update();
 performance.mark("rows"); // from here on a reader can work, while the plots are still to come

@@ -4,7 +4,8 @@ const stretches = data.stretches || [];
 const ROAD_PANELS = [
   ["grade", "grade, deg", "#1f6f8b", 3], ["bank", "bank, deg", "#b5533c", 3], ["z", "elevation, m", "#4a7a3a", 1],
 ];
-const slope = (degrees) => (degrees === null ? "–" : (100 * Math.tan((degrees * Math.PI) / 180)).toFixed(1) + " %");
+const slopeText = (degrees) => (degrees === null ? "–" : tangent(degrees).toFixed(1) + " %");
+const labelOf = (name, label) => label.replace("deg", unitOf(name));
 
 function drivenBy(chosen) {
   const rows = new Set(chosen);
@@ -38,8 +39,8 @@ function showRoadMap(shown, current) {
     road.s.forEach((s, j) => {
       all.x.push(road.longitude[j]);
       all.y.push(road.latitude[j]);
-      all.color.push(road[what][j]);
-      all.text.push("stretch " + (k + 1) + ", " + s + " m: grade " + figure(road.grade[j], 2) + " deg (" + slope(road.grade[j])
+      all.color.push(what === "z" ? road.z[j] : turned(what, [road[what][j]])[0]);
+      all.text.push("stretch " + (k + 1) + ", " + s + " m: grade " + figure(road.grade[j], 2) + " deg (" + slopeText(road.grade[j])
         + "), bank " + figure(road.bank[j], 2) + " deg, " + road.passes[j] + " passes");
       all.k.push(k);
     });
@@ -56,7 +57,7 @@ function showRoadMap(shown, current) {
     marker: { size: 5, color: all.color,
       ...(what === "z" ? { colorscale: "Viridis" } : { colorscale: [[0, "#0072b2"], [0.5, "#9a9a9a"], [1, "#e66100"]],
         cmin: -most, cmax: most }),
-      colorbar: { title: { text: label }, thickness: 12 } },
+      colorbar: { title: { text: labelOf(what, label) }, thickness: 12 } },
   }], {
     height: 420, showlegend: false, xaxis: { title: { text: "longitude, deg" }, nticks: 5 },
     yaxis: { title: { text: "latitude, deg" }, scaleanchor: "x", scaleratio: 1 / Math.cos((middle * Math.PI) / 180) },
@@ -72,15 +73,15 @@ function showRoad(road) {
     const yaxis = axis.replace("axis", "");
     const sd = road[name + "_sd"];
     const known = road[name].some((v) => v !== null);
-    const edge = (sign) => road[name].map((v, j) => (v === null || sd[j] === null ? null : v + sign * 2 * sd[j]));
+    const edge = (sign) => turned(name, road[name].map((v, j) => (v === null || sd[j] === null ? null : v + sign * 2 * sd[j])));
     const text = road[name].map((v, j) => figure(v, digits) + (name === "z" ? " m" : " deg")
-      + (sd[j] === null ? "" : " ± " + figure(sd[j], digits)) + (name === "grade" ? " (" + slope(v) + ")" : ""));
+      + (sd[j] === null ? "" : " ± " + figure(sd[j], digits)) + (name === "grade" ? " (" + slopeText(v) + ")" : ""));
     if (known) {
       traces.push(band(road.s, edge(-1), edge(1), color, { yaxis }));
-      traces.push({ x: road.s, y: road[name], yaxis, mode: "lines", line: { width: 1.6, color }, text,
+      traces.push({ x: road.s, y: turned(name, road[name]), yaxis, mode: "lines", line: { width: 1.6, color }, text,
         hovertemplate: label.split(",")[0] + " %{text}<extra></extra>" });
     }
-    layouts[axis] = { title: { text: known ? label : name + ": not known" }, domain: axes[axis] };
+    layouts[axis] = { title: { text: known ? labelOf(name, label) : name + ": not known" }, domain: axes[axis] };
   });
   draw("road-curves", traces, {
     height: 560, showlegend: false, hovermode: "x", ...layouts,
