@@ -13,7 +13,7 @@ from support.turned_imu import IMU_DELAY, away, turned
 from roadlog import estimators
 from roadlog.calibrate import calibrate
 from roadlog.calibrate.dynamics import dynamics
-from roadlog.calibrate.finding import Finding, combined, jackknife, unknown
+from roadlog.calibrate.constant import Finding, combined, jackknife, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.suspension import ROLL_MODE
 from roadlog.car.vehicle import Vehicle

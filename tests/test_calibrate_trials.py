@@ -7,7 +7,7 @@ from support.drives import simulated
 from support.turned_imu import IMU_DELAY, away, turned
 
 from roadlog.calibrate import calibrate
-from roadlog.calibrate.finding import Finding
+from roadlog.calibrate.constant import Finding
 from roadlog.calibrate.mounting import filled
 from roadlog.car.suspension import PITCH_MODE, ROLL_MODE
 from roadlog.car.vehicle import Vehicle

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from roadlog.calibrate.drive import TURNS, DriveCalibration, calibrate_drive
-from roadlog.calibrate.finding import Finding, combined
+from roadlog.calibrate.constant import Finding, combined
 from roadlog.calibrate.tumble import KINDS, is_tumble, tumble
 from roadlog.car.suspension import DASHBOARD_HEIGHT
 from roadlog.car.vehicle import DEFAULT, Source, Vehicle

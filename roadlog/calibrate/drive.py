@@ -11,7 +11,7 @@ import numpy as np
 
 from roadlog import estimators
 from roadlog.calibrate import dynamics, gains, mass, mounting, speeds, tires
-from roadlog.calibrate.finding import Finding, unknown
+from roadlog.calibrate.constant import Finding, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.correction import OF_IMU, corrected
 from roadlog.car.suspension import DASHBOARD_HEIGHT

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadlog import estimators
-from roadlog.calibrate.finding import Finding, unknown
+from roadlog.calibrate.constant import Finding, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive

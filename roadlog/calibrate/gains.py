@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from roadlog.calibrate.finding import Finding, jackknife, unknown
+from roadlog.calibrate.constant import Finding, jackknife, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.suspension import PITCH_MODE, ROLL_MODE
 from roadlog.car.vehicle import Vehicle

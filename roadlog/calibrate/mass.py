@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from roadlog.calibrate.finding import Finding, unknown
+from roadlog.calibrate.constant import Finding, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive

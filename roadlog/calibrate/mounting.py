@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roadlog.calibrate.finding import jackknife
+from roadlog.calibrate.constant import jackknife
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
 from roadlog.filters.kernels import odd_window, slope

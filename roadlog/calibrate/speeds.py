@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from roadlog.calibrate.finding import Finding, unknown
+from roadlog.calibrate.constant import Finding, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from roadlog.calibrate.finding import Finding, unknown
+from roadlog.calibrate.constant import Finding, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.suspension import TIRE_MODE
 from roadlog.car.vehicle import Vehicle

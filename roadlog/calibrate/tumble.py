@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from roadlog.calibrate.finding import Finding, unknown
+from roadlog.calibrate.constant import Finding, unknown
 from roadlog.calibrate.mounting import triad
 from roadlog.drive import Drive, runs
 from roadlog.estimators.kim2023.strapdown import to_navigation, turn
