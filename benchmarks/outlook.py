@@ -16,7 +16,7 @@ import numpy as np
 from roadlog import estimators
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.outlook import ANGLES, Sensors
+from roadlog.outlook import ANGLES, SensorSet
 from roadlog.signals import SECTIONS, TRUTH_TOPIC
 from roadlog.simulate import simulate
 from roadlog.storage import Table
@@ -28,15 +28,15 @@ DRIVES = {
 }
 YES_NO = (True, False)
 SETS = [
-    Sensors(antennas=True, gnss=True, torque=True),
-    Sensors(gnss=True, torque=True),
-    Sensors(gnss=True),
-    Sensors(torque=True),
-    Sensors(),
+    SensorSet(antennas=True, gnss=True, torque=True),
+    SensorSet(gnss=True, torque=True),
+    SensorSet(gnss=True),
+    SensorSet(torque=True),
+    SensorSet(),
 ]
 
 
-def logged(tables: Iterable[Table], sensors: Sensors) -> Iterator[Table]:
+def logged(tables: Iterable[Table], sensors: SensorSet) -> Iterator[Table]:
     """The inputs that a log with these sensors has."""
     lacking = {SECTIONS["barometer"].topic, TRUTH_TOPIC}
     if not sensors.gnss:
@@ -57,9 +57,11 @@ def main() -> None:
         measure([replace(s, springs=springs, turns=turns) for s in SETS for springs in YES_NO])
 
 
-def measure(cases: list[Sensors]) -> None:
+def measure(cases: list[SensorSet]) -> None:
     """Print a line of the table for each case; all of them turn, or none."""
-    errors: dict[Sensors, dict[str, list[np.ndarray]]] = {c: {a: [] for a in ANGLES} for c in cases}
+    errors: dict[SensorSet, dict[str, list[np.ndarray]]] = {
+        c: {a: [] for a in ANGLES} for c in cases
+    }
     for scenario, seed in DRIVES[cases[0].turns]:
         made = simulate(scenario, seed=seed, full=True)
         truth = next(table for table in made.tables if table.topic == TRUTH_TOPIC)
@@ -76,7 +78,7 @@ def measure(cases: list[Sensors]) -> None:
         print(f"    {shown(case)}: ({', '.join(f'{rms[a]:.2f}' for a in ANGLES)}),", flush=True)
 
 
-def shown(case: Sensors) -> str:
+def shown(case: SensorSet) -> str:
     """As it stands in the table."""
     there = (f"{name}=True" for name, value in vars(case).items() if value)
     return f"Sensors({', '.join(there)})"

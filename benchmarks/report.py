@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 
 from roadlog.log import create
-from roadlog.report.batch import Engine, local_engine
+from roadlog.report.batch import Executor, local_workers
 from roadlog.report.page import write_assets, write_index
 from roadlog.report.row import Options, empty_row
 from roadlog.report.run import finish, output_folder, run
-from roadlog.report.sources import Source, find
+from roadlog.report.sources import FoundLog, find
 from roadlog.simulate import Simulation, simulate
 from roadlog.storage import Table
 
@@ -54,9 +54,9 @@ def copies_of(log: Path, count: int) -> Path:
 
 
 @contextmanager
-def kept(jobs: int, warm_up: Source, options: Options) -> Iterator[Callable[[], Engine]]:
+def kept(jobs: int, warm_up: FoundLog, options: Options) -> Iterator[Callable[[], Executor]]:
     """An engine whose processes have started, and compiled what they need, before it counts."""
-    engine = local_engine(jobs)
+    engine = local_workers(jobs)
     futures: list[Future] = []
     from roadlog.report.row import run_log
 
@@ -113,7 +113,7 @@ def synthetic_rows(count: int) -> list[dict[str, Any]]:
     estimators = ("fusion", "kmbe", "debe", "ekf_suspension", "lowpass_attitude")
     rows = []
     for k in range(count):
-        source = Source(f"/fleet/{k % 97:02d}/{k:06d}.mcap", f"{k % 97:02d}/{k:06d}.mcap", 1, "1")
+        source = FoundLog(f"/fleet/{k % 97:02d}/{k:06d}.mcap", f"{k % 97:02d}/{k:06d}.mcap", 1, "1")
         row = empty_row(source, Options()) | {"estimators": list(estimators)}
         row |= {"vehicle": f"car {k % 30}", "road": f"road {k % 200}", "duration_s": 60.0 + k % 999}
         row |= {"distance_m": 1000.0, "seconds": {"total": 1.0}, "detail": f"details/{k}.html"}

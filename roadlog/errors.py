@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-LONGEST = 1900  # characters of a message
+MAX_MESSAGE = 1900  # characters of a message
 
 
 class RoadlogError(Exception):
@@ -14,9 +14,9 @@ class RoadlogError(Exception):
     def __str__(self) -> str:  # KeyError, a base of one subclass, would quote the text
         text = str(self.args[0]) if self.args else ""
         text = "".join(c if c.isprintable() or c == "\n" else "?" for c in text)
-        if len(text) <= LONGEST:
+        if len(text) <= MAX_MESSAGE:
             return text
-        half = LONGEST // 2  # it quotes something without end
+        half = MAX_MESSAGE // 2  # it quotes something without end
         return f"{text[:half]} ... {text[-half:]}"
 
 

@@ -52,7 +52,7 @@ NO_FOLLOW = _flags("O_NOFOLLOW", "O_BINARY", "O_CLOEXEC", "O_NOINHERIT")
 READ = os.O_RDONLY | _flags("O_NONBLOCK", "O_BINARY", "O_CLOEXEC", "O_NOINHERIT")
 
 
-class State(NamedTuple):
+class FileState(NamedTuple):
     """Which file, and in what state: another number, size or time is another content."""
 
     device: int
@@ -61,7 +61,7 @@ class State(NamedTuple):
     changed_ns: int
 
     @classmethod
-    def of(cls, status: os.stat_result) -> State:
+    def of(cls, status: os.stat_result) -> FileState:
         return cls(status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
 
     def digest(self) -> str:
@@ -69,10 +69,10 @@ class State(NamedTuple):
         return hashlib.sha256(repr(tuple(self)).encode()).hexdigest()[:16]
 
 
-def state(path: Path) -> State | None:
+def state(path: Path) -> FileState | None:
     """What stands at a path, of a link the link itself; None for nothing."""
     try:
-        return State.of(path.lstat())
+        return FileState.of(path.lstat())
     except FileNotFoundError:
         return None
 
@@ -109,11 +109,11 @@ def check_unprotected(path: Path, status: os.stat_result) -> None:
         )
 
 
-_outputs: dict[Path, State | None] = {}  # what stood there when they were asked for
+_outputs: dict[Path, FileState | None] = {}  # what stood there when they were asked for
 
 
 @dataclass
-class Part:
+class PartFile:
     """A file that is being written under a passing name, locked as long as it is open."""
 
     file: IO[bytes]
@@ -124,7 +124,7 @@ class Part:
         self.file.flush()
         os.fsync(self.file.fileno())
 
-    def become(self, target: Path, standing: State | None) -> None:
+    def become(self, target: Path, standing: FileState | None) -> None:
         """Take the place of what stood at `target`, or of nothing.
 
         Raises LogWriteError where something else stands there by now; that stays.
@@ -143,7 +143,7 @@ class Part:
                 self._swap(target, standing)
         sync_folder(target.parent)
 
-    def _swap(self, target: Path, standing: State) -> None:
+    def _swap(self, target: Path, standing: FileState) -> None:
         """Change names with the old file, which goes when it is seen to be what it was."""
         if not _exchange(self.path, target):
             self.path.replace(target)
@@ -198,7 +198,7 @@ def _kept(path: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def _passing_name(number: int, standing: State | None = None) -> str:
+def _passing_name(number: int, standing: FileState | None = None) -> str:
     """A name that nobody can guess, of a file by its number that is to replace another."""
     instead = f"{standing.digest()}-" if standing else ""
     return f".roadlog-{number:x}-{instead}{secrets.token_hex(8)}.part"
@@ -213,9 +213,9 @@ def _exchange(one: Path, other: Path) -> bool:
     return swap(AT_CWD, os.fsencode(one), AT_CWD, os.fsencode(other), SWAP) == 0
 
 
-def remove(path: Path, is_meant: Callable[[State], bool]) -> None:
+def remove(path: Path, is_meant: Callable[[FileState], bool]) -> None:
     """Remove a file if it is the one that is meant; another stays. Raises OSError."""
-    there = State.of(path.lstat())
+    there = FileState.of(path.lstat())
     if not is_meant(there):
         return
     # nobody knows this name: what is looked at is what goes
@@ -236,7 +236,7 @@ def changed(target: Path) -> LogWriteError:
 
 
 @contextmanager
-def temporary(folder: Path, mode: int = 0o666) -> Iterator[Part]:
+def temporary(folder: Path, mode: int = 0o666) -> Iterator[PartFile]:
     """A new file in a folder, removed unless it became another. Raises OSError."""
     remove_left_over(folder)
     part = _new(folder, mode)
@@ -322,7 +322,7 @@ def _is_ours(name: str, status: os.stat_result) -> bool:
         return False
     number, replaced = int(match[1], 16), match[2]
     is_empty = number == 0 and status.st_size == 0
-    return is_empty or number == status.st_ino or replaced == State.of(status).digest()
+    return is_empty or number == status.st_ino or replaced == FileState.of(status).digest()
 
 
 def sync_folder(path: Path) -> None:
@@ -335,7 +335,7 @@ def sync_folder(path: Path) -> None:
             os.close(handle)
 
 
-def _new(folder: Path, mode: int) -> Part:
+def _new(folder: Path, mode: int) -> PartFile:
     """A locked, empty file whose name holds its number."""
     for _ in range(TRIES):
         first = folder / _passing_name(0)
@@ -348,7 +348,7 @@ def _new(folder: Path, mode: int) -> Part:
             if lock(file):
                 first.rename(path)
                 passing.discard(first)
-                return Part(file, path)
+                return PartFile(file, path)
         except FileNotFoundError:  # another run took it for a killed one's before it was locked
             pass
         except BaseException:

@@ -14,7 +14,7 @@ from roadlog.types import Floats, Stamps
 SCHEMA = "foxglove.LocationFix"
 DIAGONAL_KNOWN = 2  # foxglove.LocationFix.PositionCovarianceType
 NS = 10**9
-MOVING = 1.0  # m/s; below it the course of a receiver turns at random
+COURSE_SPEED = 1.0  # m/s; below it the course of a receiver turns at random
 _DIAGONAL = {0: "horizontal_accuracy", 4: "horizontal_accuracy", 8: "vertical_accuracy"}
 
 
@@ -57,7 +57,7 @@ def _heading(columns: Mapping[str, Floats]) -> Floats | None:
     """rad clockwise from north: by two antennas, else the course, the last one while it stands."""
     unknown = np.full(len(columns["latitude"]), np.nan)
     heading, course = columns.get("heading", unknown), columns.get("course", unknown)
-    course = np.where(columns.get("speed", unknown) < MOVING, np.nan, course)
+    course = np.where(columns.get("speed", unknown) < COURSE_SPEED, np.nan, course)
     east = np.where(np.isfinite(heading), heading, course)
     known = np.flatnonzero(np.isfinite(east))
     if not len(known):

@@ -21,7 +21,7 @@ WORTH = 0.8  # of the error now, at most: what is worth adding
 
 
 @dataclass(frozen=True)
-class Sensors:
+class SensorSet:
     """What decides beside IMU and speed. antennas: two across the car. torque: of drive and brakes.
     springs: the suspension's gradients are known, by the vehicle file. turns: the drive has bends,
     which tell the accelerometers' zero."""
@@ -33,7 +33,7 @@ class Sensors:
     turns: bool = False
 
     @classmethod
-    def of(cls, drive: Drive, vehicle: Vehicle) -> Sensors:
+    def of(cls, drive: Drive, vehicle: Vehicle) -> SensorSet:
         """Those of a drive."""
         yaw = drive.signals.get("imu.gyro_z", np.zeros(1))
         return cls(
@@ -44,7 +44,7 @@ class Sensors:
             turns=float(np.nansum(np.abs(yaw))) / drive.rate > BENDS,
         )
 
-    def with_more(self) -> Iterator[tuple[str, Sensors]]:
+    def with_more(self) -> Iterator[tuple[str, SensorSet]]:
         """What could be added, in words, and what there were then."""
         if not self.springs:
             yield "the car's suspension (`roadlog calibrate`)", replace(self, springs=True)
@@ -60,32 +60,32 @@ class Sensors:
 
 
 # of `fusion`, by what there is: grade, bank, pitch, roll, deg
-ACCURACY: dict[Sensors, tuple[float, float, float, float]] = {
-    Sensors(antennas=True, gnss=True, torque=True, springs=True, turns=True): (
+ACCURACY: dict[SensorSet, tuple[float, float, float, float]] = {
+    SensorSet(antennas=True, gnss=True, torque=True, springs=True, turns=True): (
         0.04,
         0.05,
         0.04,
         0.05,
     ),
-    Sensors(antennas=True, gnss=True, torque=True, turns=True): (0.05, 0.19, 0.04, 0.19),
-    Sensors(gnss=True, torque=True, springs=True, turns=True): (0.05, 0.18, 0.04, 0.06),
-    Sensors(gnss=True, torque=True, turns=True): (0.05, 0.29, 0.04, 0.19),
-    Sensors(gnss=True, springs=True, turns=True): (0.05, 0.18, 0.04, 0.06),
-    Sensors(gnss=True, turns=True): (0.05, 0.29, 0.04, 0.19),
-    Sensors(torque=True, springs=True, turns=True): (0.05, 0.19, 0.04, 0.06),
-    Sensors(torque=True, turns=True): (0.13, 0.29, 0.04, 0.19),
-    Sensors(springs=True, turns=True): (0.08, 0.19, 0.04, 0.06),
-    Sensors(turns=True): (0.13, 0.29, 0.04, 0.19),
-    Sensors(antennas=True, gnss=True, torque=True, springs=True): (0.03, 0.03, 0.03, 0.03),
-    Sensors(antennas=True, gnss=True, torque=True): (0.04, 0.05, 0.04, 0.03),
-    Sensors(gnss=True, torque=True, springs=True): (0.03, 0.11, 0.03, 0.03),
-    Sensors(gnss=True, torque=True): (0.04, 0.13, 0.04, 0.03),
-    Sensors(gnss=True, springs=True): (0.03, 0.11, 0.03, 0.03),
-    Sensors(gnss=True): (0.04, 0.13, 0.04, 0.03),
-    Sensors(torque=True, springs=True): (0.08, 0.15, 0.04, 0.03),
-    Sensors(torque=True): (0.22, 0.15, 0.03, 0.03),
-    Sensors(springs=True): (0.07, 0.15, 0.03, 0.03),
-    Sensors(): (0.22, 0.15, 0.03, 0.03),
+    SensorSet(antennas=True, gnss=True, torque=True, turns=True): (0.05, 0.19, 0.04, 0.19),
+    SensorSet(gnss=True, torque=True, springs=True, turns=True): (0.05, 0.18, 0.04, 0.06),
+    SensorSet(gnss=True, torque=True, turns=True): (0.05, 0.29, 0.04, 0.19),
+    SensorSet(gnss=True, springs=True, turns=True): (0.05, 0.18, 0.04, 0.06),
+    SensorSet(gnss=True, turns=True): (0.05, 0.29, 0.04, 0.19),
+    SensorSet(torque=True, springs=True, turns=True): (0.05, 0.19, 0.04, 0.06),
+    SensorSet(torque=True, turns=True): (0.13, 0.29, 0.04, 0.19),
+    SensorSet(springs=True, turns=True): (0.08, 0.19, 0.04, 0.06),
+    SensorSet(turns=True): (0.13, 0.29, 0.04, 0.19),
+    SensorSet(antennas=True, gnss=True, torque=True, springs=True): (0.03, 0.03, 0.03, 0.03),
+    SensorSet(antennas=True, gnss=True, torque=True): (0.04, 0.05, 0.04, 0.03),
+    SensorSet(gnss=True, torque=True, springs=True): (0.03, 0.11, 0.03, 0.03),
+    SensorSet(gnss=True, torque=True): (0.04, 0.13, 0.04, 0.03),
+    SensorSet(gnss=True, springs=True): (0.03, 0.11, 0.03, 0.03),
+    SensorSet(gnss=True): (0.04, 0.13, 0.04, 0.03),
+    SensorSet(torque=True, springs=True): (0.08, 0.15, 0.04, 0.03),
+    SensorSet(torque=True): (0.22, 0.15, 0.03, 0.03),
+    SensorSet(springs=True): (0.07, 0.15, 0.03, 0.03),
+    SensorSet(): (0.22, 0.15, 0.03, 0.03),
 }
 # of the others, where there is no `fusion`, the best first; docs/consistency.md, deg
 OTHERS = {
@@ -111,7 +111,7 @@ class Outlook:
 
 def outlook(drive: Drive, vehicle: Vehicle, able: Collection[str]) -> list[Outlook]:
     """For each angle, what to expect of a drive. able: estimators that can run on it."""
-    sensors = Sensors.of(drive, vehicle)
+    sensors = SensorSet.of(drive, vehicle)
     if "fusion" in able:
         return [_of_fusion(sensors, k) for k in range(len(ANGLES))]
     found = []
@@ -122,7 +122,7 @@ def outlook(drive: Drive, vehicle: Vehicle, able: Collection[str]) -> list[Outlo
     return found
 
 
-def _of_fusion(sensors: Sensors, k: int) -> Outlook:
+def _of_fusion(sensors: SensorSet, k: int) -> Outlook:
     now = ACCURACY[_known(sensors)][k]
     ways = [(ACCURACY[_known(more)][k], words) for words, more in sensors.with_more()]
     best, words = min(ways, key=lambda way: way[0], default=(now, ""))
@@ -131,7 +131,7 @@ def _of_fusion(sensors: Sensors, k: int) -> Outlook:
     return Outlook(ANGLES[k], "fusion", now, words, best)
 
 
-def _known(sensors: Sensors) -> Sensors:
+def _known(sensors: SensorSet) -> SensorSet:
     """The nearest with figures: antennas come with a receiver, and torques tell little beside."""
     if sensors.antennas:
         return replace(sensors, gnss=True, torque=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["analog", "hold", "angle", "degrees"]
+SampleKind = Literal["analog", "hold", "angle", "degrees"]
 
 SLOPES = ("grade", "bank")  # of the road: the angles that are also given in percent
 ANGLES = ("grade", "bank", "pitch", "roll", "inclination", "roll_total")
@@ -38,7 +38,7 @@ class Signal:
     role: str
     field: str
     unit: str  # SI, or deg for latitude and longitude
-    kind: Kind  # how to put it on a grid: interpolate, hold, unwrap, or interpolate degrees
+    kind: SampleKind  # how to put it on a grid: interpolate, hold, unwrap, or interpolate degrees
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,9 @@ class Section:
         return tuple(signal.field for signal in self.signals)
 
 
-def _section(name: str, topic: str, schema: str, units: dict[str, str], **kinds: Kind) -> Section:
+def _section(
+    name: str, topic: str, schema: str, units: dict[str, str], **kinds: SampleKind
+) -> Section:
     signals = (Signal(f"{name}.{f}", f, unit, kinds.get(f, "analog")) for f, unit in units.items())
     return Section(name, topic, f"roadlog.v1.{schema}", tuple(signals))
 
@@ -65,7 +67,7 @@ AXES = ("x", "y", "z")
 _TORQUES = [f"{kind}_{wheel}" for kind in ("drive", "brake") for wheel in WHEELS]
 
 
-def _held(fields: list[str]) -> dict[str, Kind]:
+def _held(fields: list[str]) -> dict[str, SampleKind]:
     return dict.fromkeys(fields, "hold")
 
 

@@ -12,8 +12,8 @@ from support.turned_imu import IMU_DELAY, away, turned
 
 from roadlog import estimators
 from roadlog.calibrate import calibrate
+from roadlog.calibrate.constant import Constant, combined, jackknife, unknown
 from roadlog.calibrate.dynamics import dynamics
-from roadlog.calibrate.constant import Finding, combined, jackknife, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.suspension import ROLL_MODE
 from roadlog.car.vehicle import Vehicle
@@ -54,15 +54,15 @@ def test_mounting_delays_and_scale_from_a_straight_drive(seed: int) -> None:
     error = np.degrees(away(found, rotation))
     assert np.abs(error[1:]).max() < 0.15
     for name, true in (("speed_delay", 0.15), ("gnss_delay", 0.3), ("speed_scale", 1.02)):
-        finding = found.findings[name]
-        assert finding.identifiable
-        assert finding.value == pytest.approx(true, abs=2.5 * (finding.sd or 0.0)), name
-        assert getattr(found.vehicle, name) == finding.value
+        constant = found.constants[name]
+        assert constant.identifiable
+        assert constant.value == pytest.approx(true, abs=2.5 * (constant.sd or 0.0)), name
+        assert getattr(found.vehicle, name) == constant.value
     # no curve, no antennas: neither roll nor the gradient of roll shows, and it says so
     for name in ("mounting_roll", "roll_gradient", "rear_cornering_stiffness", "mass"):
-        assert not found.findings[name].identifiable
-        assert found.findings[name].reason
-    assert np.degrees(found.findings["mounting_roll"].sd or 0.0) >= 1.0
+        assert not found.constants[name].identifiable
+        assert found.constants[name].reason
+    assert np.degrees(found.constants["mounting_roll"].sd or 0.0) >= 1.0
     assert found.vehicle.source("roll_gradient").kind == "default"
     again = Vehicle.from_toml(found.vehicle.to_toml())
     assert again == found.vehicle
@@ -96,9 +96,9 @@ def test_a_full_car_in_curves() -> None:
         "imu_position_y": place[1],
     }
     for name, value in true.items():
-        finding = found.findings[name]
-        assert finding.identifiable, name
-        assert finding.value == pytest.approx(value, abs=2.5 * (finding.sd or 0.0)), name
+        constant = found.constants[name]
+        assert constant.identifiable, name
+        assert constant.value == pytest.approx(value, abs=2.5 * (constant.sd or 0.0)), name
     assert found.driven == "front"
     assert found.vehicle.driven == "front"
     assert abs((found.vehicle.imu_position or (9.0,))[0] - place[0]) < 0.3
@@ -114,7 +114,7 @@ def test_an_antenna_elsewhere_does_not_turn_the_imu(ahead: float) -> None:
     found = calibrate({"laps": drive}, Vehicle())
     error = away(found, rotation)
     for axis, name in ((1, "mounting_pitch"), (2, "mounting_yaw")):
-        sd = found.findings[name].sd or 0.0
+        sd = found.constants[name].sd or 0.0
         assert abs(error[axis]) < 2.0 * sd, name
     assert abs(np.degrees(error[2])) < 0.6
 
@@ -126,15 +126,15 @@ def test_slalom_tells_the_roll_gradient() -> None:
     simulation = simulated("ryu2004-slalom", seed=3)
     rotation = Rotation.random(random_state=8).as_matrix()
     drive = Drive.from_tables(turned(simulation.tables, rotation))
-    finding = calibrate({"slalom": drive}, Vehicle()).findings["roll_gradient"]
-    assert finding.identifiable
+    constant = calibrate({"slalom": drive}, Vehicle()).constants["roll_gradient"]
+    assert constant.identifiable
     truth = simulation.table("/truth/angles")
     roll = np.interp(drive.time_ns, truth.time, truth.columns["roll"])
     level = Drive.from_tables(simulation.tables)["imu.accel_y"]
     band = (0.15, 0.5)
     force = band_pass(second_order(filled(level), *ROLL_MODE, drive.rate), band, drive.rate)
     response = float(force @ band_pass(roll, band, drive.rate) / (force @ force))
-    value = finding.value or 0.0
+    value = constant.value or 0.0
     assert value * (1 - G * value) == pytest.approx(response, rel=0.02)
 
 
@@ -148,11 +148,11 @@ def test_quick_steering_tells_roll_and_yaw_dynamics() -> None:
     drive = Drive.from_tables(simulation.tables)
     found = {f.name: f for f in dynamics(drive, bare)}
     assert set(found) == set(names)
-    for name, finding in found.items():
-        assert finding.identifiable, finding.reason
-        error = finding.value - getattr(sheet, name)  # type: ignore[operator]
-        assert abs(error) < 2 * finding.sd, name  # type: ignore[operator]
-        assert finding.sd < 0.25 * finding.value, name  # type: ignore[operator]
+    for name, constant in found.items():
+        assert constant.identifiable, constant.reason
+        error = constant.value - getattr(sheet, name)  # type: ignore[operator]
+        assert abs(error) < 2 * constant.sd, name  # type: ignore[operator]
+        assert constant.sd < 0.25 * constant.value, name  # type: ignore[operator]
     values = {name: f.value for name, f in found.items()}
     laps = simulated("ryu2004-laps", seed=7)
     own, truth = Drive.from_tables(laps.tables), laps.table("/truth/angles")
@@ -187,7 +187,7 @@ def test_mass_and_rolling_resistance_from_torques() -> None:
         wheel_radius=car.wheel_radius, final_drive=car.final_drive, engine_inertia=0.18
     )
     drive = Drive.from_tables(simulation.tables)
-    found = calibrate({"town": drive}, sheet).findings
+    found = calibrate({"town": drive}, sheet).constants
     assert found["mass"].value == pytest.approx(1500.0, rel=0.015)
     rolling = found["rolling_resistance"]
     assert rolling.identifiable
@@ -196,7 +196,7 @@ def test_mass_and_rolling_resistance_from_torques() -> None:
     assert (found["mass"].sd or 0.0) > 0.05 * 1500.0
     # without the gears the engine's inertia is taken for weight
     tables = [t for t in simulation.tables if t.topic != "/powertrain"]
-    gearless = calibrate({"town": Drive.from_tables(tables)}, sheet).findings["mass"]
+    gearless = calibrate({"town": Drive.from_tables(tables)}, sheet).constants["mass"]
     assert gearless.value == pytest.approx(1500.0, abs=1.0 * (gearless.sd or 0.0))
 
 
@@ -262,8 +262,8 @@ def test_too_short_and_too_little_is_said() -> None:
 
 
 def test_drives_are_combined_by_inverse_variance() -> None:
-    def at(value: float, sd: float) -> Finding:
-        return Finding("x", "s", value, sd, "seen")
+    def at(value: float, sd: float) -> Constant:
+        return Constant("x", "s", value, sd, "seen")
 
     hidden = unknown("x", "s", "too slow")
     both = combined([at(1.0, 0.1), hidden, at(1.2, 0.2)])
@@ -345,7 +345,7 @@ def test_comma2k19_mounting(shared: Path, without: tuple[str, ...]) -> None:
     found = calibrate({"comma": drive}, Vehicle())
     error = to_vector(found.rotation @ documented.T)
     for k, name in enumerate(TURNS):
-        assert abs(error[k]) < 3 * (found.findings[name].sd or 0.0), name
+        assert abs(error[k]) < 3 * (found.constants[name].sd or 0.0), name
     truth = next(t for t in result.tables if t.topic == "/truth/angles")
     estimate = estimators.run("fusion", drive, found.vehicle)
     grade = np.interp(truth.time, drive.time_ns, estimate.grade)

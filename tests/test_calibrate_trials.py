@@ -7,7 +7,7 @@ from support.drives import simulated
 from support.turned_imu import IMU_DELAY, away, turned
 
 from roadlog.calibrate import calibrate
-from roadlog.calibrate.constant import Finding
+from roadlog.calibrate.constant import Constant
 from roadlog.calibrate.mounting import filled
 from roadlog.car.suspension import PITCH_MODE, ROLL_MODE
 from roadlog.car.vehicle import Vehicle
@@ -100,22 +100,22 @@ def test_errors_lie_within_their_standard_errors() -> None:
         drive = Drive.from_tables(turned(simulation.tables, rotation))
         found = calibrate({str(k): drive}, Vehicle())
 
-        def fair(error: float, finding: Finding) -> bool:
-            return abs(error) < 2.5 * (finding.sd or 0.0)
+        def fair(error: float, constant: Constant) -> bool:
+            return abs(error) < 2.5 * (constant.sd or 0.0)
 
         error = away(found, rotation)
         for axis, name in enumerate(("mounting_roll", "mounting_pitch", "mounting_yaw")):
-            if found.findings[name].identifiable:
-                scores.append(fair(error[axis], found.findings[name]))
+            if found.constants[name].identifiable:
+                scores.append(fair(error[axis], found.constants[name]))
         for name, true in hidden.items():
-            finding = found.findings[name]
-            if finding.identifiable and finding.value is not None:
-                scores.append(fair(finding.value - true, finding))
+            constant = found.constants[name]
+            if constant.identifiable and constant.value is not None:
+                scores.append(fair(constant.value - true, constant))
         for angle in ("pitch", "roll"):
-            finding = found.findings[f"{angle}_gradient"]
-            if finding.identifiable:
+            constant = found.constants[f"{angle}_gradient"]
+            if constant.identifiable:
                 true = gradient(simulation, angle)
-                assert finding.value == pytest.approx(true, rel=0.10), (k, angle)
+                assert constant.value == pytest.approx(true, rel=0.10), (k, angle)
         if ROADS[k % len(ROADS)][0] in CURVES_AND_BRAKING and GNSS_RATES[k % 6]:
             assert np.degrees(np.abs(error[1:])).max() < 0.15, k
     assert np.mean(scores) >= 0.95

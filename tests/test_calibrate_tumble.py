@@ -80,4 +80,4 @@ def test_the_file_makes_the_log_true_and_serves_the_drives_after(
     found = calibrate(logs, slalom.vehicle)
     assert found.vehicle.accel_zero == pytest.approx(car.accel_zero)
     for axis in "xyz":
-        assert abs(found.findings[f"gyro_bias_{axis}"].value) < np.radians(0.2)
+        assert abs(found.constants[f"gyro_bias_{axis}"].value) < np.radians(0.2)

@@ -103,7 +103,7 @@ def test_no_kernel_holds_what_compiles_slowly() -> None:
         "x = x @ x",
         "x = np.where(x > 0, x, 0.0)",
         "np.linalg.inv(xs)",
-        "f(MOVING)",
+        "f(MOVING_STATES)",
     ],
 )
 def test_the_rule_sees_it(line: str) -> None:

@@ -183,3 +183,28 @@ def test_no_function_is_too_long() -> None:
         and (node.end_lineno or 0) - node.lineno + 1 > MAX_FUNCTION
     }
     assert long == LONG_FUNCTIONS | COMPILED
+
+
+BARE = {"MOVING", "RATE", "BLOCK", "LONGEST"}  # of what? such a constant says it in its name
+
+
+def _names(tree: ast.Module) -> Iterator[str]:
+    """Constants of a module."""
+    for node in tree.body:
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        for target in targets:
+            for name in target.elts if isinstance(target, ast.Tuple) else [target]:
+                if isinstance(name, ast.Name):
+                    yield name.id
+
+
+def test_one_word_is_one_thing() -> None:
+    """No public class has the name of another, but the same part of two papers' reproductions."""
+    places: dict[str, set[str]] = {}
+    for name, tree in TREES.items():
+        room = "reproduce" if name.startswith("reproduce.") else name
+        for node in tree.body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                places.setdefault(node.name, set()).add(room)
+    assert {word: where for word, where in places.items() if len(where) > 1} == {}
+    assert not {f"{n}.{word}" for n, tree in TREES.items() for word in BARE & set(_names(tree))}

@@ -12,16 +12,16 @@ from support.drives import hill_tables
 from roadlog import estimators
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.outlook import ACCURACY, ANGLES, Sensors, _known, outlook
+from roadlog.outlook import ACCURACY, ANGLES, SensorSet, _known, outlook
 
 
 @pytest.mark.parametrize("there", product([False, True], repeat=5))
 def test_every_set_of_sensors_has_figures(there: tuple[bool, ...]) -> None:
-    assert _known(Sensors(*there)) in ACCURACY
+    assert _known(SensorSet(*there)) in ACCURACY
 
 
 @pytest.mark.parametrize("sensors", ACCURACY)
-def test_more_is_no_worse(sensors: Sensors) -> None:
+def test_more_is_no_worse(sensors: SensorSet) -> None:
     for name in ("antennas", "gnss", "springs"):
         if not getattr(sensors, name):
             more = ACCURACY[_known(replace(sensors, **{name: True}))]
@@ -34,7 +34,7 @@ def test_a_straight_drive_without_receiver_is_told_what_helps() -> None:
     assert set(found) == set(ANGLES)
     grade = found["grade"]
     assert grade.estimator == "fusion"
-    assert grade.accuracy_deg == ACCURACY[Sensors()][0]
+    assert grade.accuracy_deg == ACCURACY[SensorSet()][0]
     assert "GNSS" in grade.better
     assert grade.better_deg is not None
     assert grade.better_deg < grade.accuracy_deg

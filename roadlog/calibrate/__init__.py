@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from roadlog.calibrate.constant import Constant, combined
 from roadlog.calibrate.drive import TURNS, DriveCalibration, calibrate_drive
-from roadlog.calibrate.constant import Finding, combined
 from roadlog.calibrate.tumble import KINDS, is_tumble, tumble
 from roadlog.car.suspension import DASHBOARD_HEIGHT
-from roadlog.car.vehicle import DEFAULT, Source, Vehicle
+from roadlog.car.vehicle import DEFAULT, ValueSource, Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
 from roadlog.rotation import from_vector, to_rpy, to_vector
@@ -24,7 +24,7 @@ from roadlog.signals import AXES
 from roadlog.types import Floats
 
 SENSORS = ("imu_mount", "accel_bias", "gyro_bias", "speed_scale", "speed_delay", "gnss_delay")
-SCALARS = (  # findings that are vehicle parameters of the same name
+SCALARS = (  # constants that are vehicle parameters of the same name
     "speed_scale",
     "speed_delay",
     "gnss_delay",
@@ -46,13 +46,13 @@ SIDE_SD = 0.4  # m, of an IMU whose place across the car does not show
 @dataclass(frozen=True)
 class Calibration:
     """vehicle: the base with everything found, each with its source and sd. rotation (3, 3): rows
-    forward, left, up in the logs' IMU axes, None where no log is of a drive. findings: by name.
+    forward, left, up in the logs' IMU axes, None where no log is of a drive. constants: by name.
     driven: front, rear or all, where all drives that show it agree. left_out: drive -> why.
     """
 
     vehicle: Vehicle
     rotation: Floats | None
-    findings: dict[str, Finding]
+    constants: dict[str, Constant]
     driven: str | None
     left_out: dict[str, str]
 
@@ -80,32 +80,32 @@ def calibrate(drives: Mapping[str, Drive], vehicle: Vehicle) -> Calibration:
     if not results:
         raise EstimatorError("; ".join(f"{name}: {why}" for name, why in left_out.items()))
     rotation, turns = _combined_rotation(list(results.values()))
-    names = list(dict.fromkeys(name for r in results.values() for name in r.findings))
-    findings = {
-        name: combined([r.findings[name] for r in results.values() if name in r.findings])
+    names = list(dict.fromkeys(name for r in results.values() for name in r.constants))
+    constants = {
+        name: combined([r.constants[name] for r in results.values() if name in r.constants])
         for name in names
     }
-    findings |= turns
+    constants |= turns
     axles = {r.driven for r in results.values()} - {None}
     driven = axles.pop() if len(axles) == 1 else None
-    found = _vehicle(base, rotation, findings)
+    found = _vehicle(base, rotation, constants)
     if driven is not None and base.source("driven").kind == "default":
         found = found.with_values("calibrated", driven=driven)
-    return Calibration(found, rotation, at_rest | findings, driven, left_out)
+    return Calibration(found, rotation, at_rest | constants, driven, left_out)
 
 
-def _of_tumbles(drives: list[Drive]) -> dict[str, Finding]:
+def _of_tumbles(drives: list[Drive]) -> dict[str, Constant]:
     found = [{f.name: f for f in tumble(drive)} for drive in drives]
     return {name: combined([one[name] for one in found]) for name in (found[0] if found else ())}
 
 
-def _with_tumbles(base: Vehicle, findings: Mapping[str, Finding]) -> Vehicle:
+def _with_tumbles(base: Vehicle, constants: Mapping[str, Constant]) -> Vehicle:
     """With the zeros and scales whose three axes were all found."""
-    for kind in KINDS if findings else ():
-        parts = [findings[f"{kind}_{axis}"] for axis in AXES]
+    for kind in KINDS if constants else ():
+        parts = [constants[f"{kind}_{axis}"] for axis in AXES]
         if all(part.identifiable for part in parts):
             value: Any = tuple(float(part.value or 0.0) for part in parts)
-            source = Source("calibrated", axis_sd=_sds(parts))
+            source = ValueSource("calibrated", axis_sd=_sds(parts))
             base = replace(base, sources={**base.sources, kind: source}, **{kind: value})
     return base
 
@@ -117,15 +117,16 @@ def _without_sensors(vehicle: Vehicle) -> Vehicle:
     return replace(vehicle, sources=sources, **defaults)  # type: ignore[arg-type]
 
 
-def _combined_rotation(results: list[DriveCalibration]) -> tuple[Floats, dict[str, Finding]]:
-    """Mean rotation, axis by axis about the car, and the turns' findings with values of it."""
+def _combined_rotation(results: list[DriveCalibration]) -> tuple[Floats, dict[str, Constant]]:
+    """Mean rotation, axis by axis about the car, and the turns' constants with values of it."""
     first = results[0].rotation
     away = [to_vector(r.rotation @ first.T) for r in results]
     turns = {}
     turn = np.zeros(3)
     for k, name in enumerate(TURNS):
         shifted = [
-            replace(r.findings[name], value=float(v[k])) for r, v in zip(results, away, strict=True)
+            replace(r.constants[name], value=float(v[k]))
+            for r, v in zip(results, away, strict=True)
         ]
         turns[name] = combined(shifted)
         turn[k] = turns[name].value or 0.0
@@ -137,37 +138,39 @@ def _combined_rotation(results: list[DriveCalibration]) -> tuple[Floats, dict[st
     }
 
 
-def _vehicle(base: Vehicle, rotation: Floats, findings: Mapping[str, Finding]) -> Vehicle:
+def _vehicle(base: Vehicle, rotation: Floats, constants: Mapping[str, Constant]) -> Vehicle:
     """The base with what was found. A constant that does not show leaves the base as it is.
 
     Biases are written whole, and the mounting with its roll, because they act together: where
     one of them does not show, its sd says so.
     """
     values: dict[str, object] = {}
-    sources: dict[str, Source] = {}
+    sources: dict[str, ValueSource] = {}
     values["imu_mount"] = tuple(tuple(float(v) for v in row) for row in rotation)
-    sources["imu_mount"] = Source("calibrated", axis_sd=_sds([findings[name] for name in TURNS]))
+    sources["imu_mount"] = ValueSource(
+        "calibrated", axis_sd=_sds([constants[name] for name in TURNS])
+    )
     for kind in ("accel_bias", "gyro_bias"):
-        parts = [findings[f"{kind}_{axis}"] for axis in AXES]
+        parts = [constants[f"{kind}_{axis}"] for axis in AXES]
         values[kind] = tuple(float(f.value or 0.0) for f in parts)
-        sources[kind] = Source("calibrated", axis_sd=_sds(parts))
+        sources[kind] = ValueSource("calibrated", axis_sd=_sds(parts))
     for name in SCALARS:
-        finding = findings.get(name)
-        if finding is not None and finding.identifiable and finding.value is not None:
-            values[name] = finding.value
-            sources[name] = Source("calibrated", finding.sd)
-    along = findings["imu_position_x"]
+        constant = constants.get(name)
+        if constant is not None and constant.identifiable and constant.value is not None:
+            values[name] = constant.value
+            sources[name] = ValueSource("calibrated", constant.sd)
+    along = constants["imu_position_x"]
     if base.imu_position is None and along.identifiable and along.value is not None:
-        across = findings["imu_position_y"]
+        across = constants["imu_position_y"]
         y, y_sd = (across.value, across.sd) if across.identifiable else (0.0, SIDE_SD)
         z = DASHBOARD_HEIGHT - base.cg_height
         values["imu_position"] = (along.value, float(y or 0.0), z)
         sds = (float(along.sd or 0.0), float(y_sd or SIDE_SD), HEIGHT_SD)
-        sources["imu_position"] = Source("calibrated", axis_sd=sds)
+        sources["imu_position"] = ValueSource("calibrated", axis_sd=sds)
     kept = {name: s for name, s in base.sources.items() if s != DEFAULT}
     return replace(base, sources={**kept, **sources}, **values)  # type: ignore[arg-type]
 
 
-def _sds(findings: list[Finding]) -> tuple[float, float, float]:
-    x, y, z = (float(f.sd or 0.0) for f in findings)
+def _sds(constants: list[Constant]) -> tuple[float, float, float]:
+    x, y, z = (float(f.sd or 0.0) for f in constants)
     return x, y, z

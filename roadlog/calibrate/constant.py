@@ -1,4 +1,4 @@
-"""Finding: one constant, how well it is known, from what, or why it is not."""
+"""One constant of a car or its logger: how well it is known, from what, or why it is not."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+JACKKNIFE_BLOCK = 4.0  # s; longer than the body rocks, so that blocks err apart
 INCONSISTENT = 0.01  # probability, below which drives that scatter so are said to disagree
 
 
 @dataclass(frozen=True)
-class Finding:
+class Constant:
     """One constant of the car or its logger.
 
     value and sd in `unit`; None where nothing can be said. reason: why it is not identifiable,
@@ -33,23 +34,23 @@ class Finding:
         return not self.reason
 
 
-def unknown(name: str, unit: str, reason: str) -> Finding:
+def unknown(name: str, unit: str, reason: str) -> Constant:
     """A constant that these drives do not show."""
-    return Finding(name, unit, None, None, reason=reason)
+    return Constant(name, unit, None, None, reason=reason)
 
 
-def combined(findings: Sequence[Finding]) -> Finding:
-    """One finding from those of several drives, by inverse variance.
+def combined(constants: Sequence[Constant]) -> Constant:
+    """One constant from those of several drives, by inverse variance.
 
     Drives that do not show the constant do not count. When the others scatter more than their
     standard errors allow, the result's grows by Birge's ratio and the evidence says so. What no
     drive shows is taken to be the mean of what they assume, which is no better known than the best:
     most roads fall to the same side.
     """
-    known = [f for f in findings if f.identifiable]
+    known = [f for f in constants if f.identifiable]
     if not known:
-        best = min(findings, key=lambda f: np.inf if f.sd is None else f.sd)
-        assumed = [(f.value, f.sd) for f in findings if f.value is not None and f.sd is not None]
+        best = min(constants, key=lambda f: np.inf if f.sd is None else f.sd)
+        assumed = [(f.value, f.sd) for f in constants if f.value is not None and f.sd is not None]
         if not assumed:
             return best
         values, sds = np.array(assumed, np.float64).T
@@ -61,7 +62,7 @@ def combined(findings: Sequence[Finding]) -> Finding:
         return replace(known[0], drives=drives)
     mean, sd, note = pooled(values, sds)
     evidence = (
-        f"{len(known)} of {len(findings)} drives{note}; best: "
+        f"{len(known)} of {len(constants)} drives{note}; best: "
         + min(zip(sds, [f.evidence for f in known], strict=True))[1]
     )
     return replace(known[0], value=mean, sd=sd, evidence=evidence, drives=drives)

@@ -11,7 +11,7 @@ import numpy as np
 
 from roadlog import estimators
 from roadlog.calibrate import dynamics, gains, mass, mounting, speeds, tires
-from roadlog.calibrate.constant import Finding, unknown
+from roadlog.calibrate.constant import Constant, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.correction import OF_IMU, corrected
 from roadlog.car.suspension import DASHBOARD_HEIGHT
@@ -76,13 +76,13 @@ WHY_NO_ROLL = "indistinguishable from the road's bank: needs two antennas; mean 
 
 @dataclass(frozen=True)
 class DriveCalibration:
-    """One drive's findings by name. rotation (3, 3): rows forward, left, up in the log's IMU axes;
-    its uncertainty is that of the findings mounting_roll, _pitch and _yaw, whose values are 0.
+    """One drive's constants by name. rotation (3, 3): rows forward, left, up in the log's IMU axes;
+    its uncertainty is that of the constants mounting_roll, _pitch and _yaw, whose values are 0.
     driven: axle that slips under drive, where one does.
     """
 
     rotation: Floats
-    findings: dict[str, Finding]
+    constants: dict[str, Constant]
     driven: str | None
 
 
@@ -94,23 +94,23 @@ def calibrate_drive(drive: Drive, vehicle: Vehicle) -> DriveCalibration:
     start = mounting.coarse(drive)
     mounting.refuse_mirrored(drive, start.rotation[2])
     last = _settled(drive, vehicle, start)
-    car, constants, fits = last.car, last.constants, last.fits
-    findings = _of_smoother(last, drive, start)
-    findings += _of_speeds(last, start)
-    findings += last.place
-    findings += [
+    car, states, fits = last.car, last.states, last.fits
+    constants = _of_smoother(last, drive, start)
+    constants += _of_speeds(last, start)
+    constants += last.place
+    constants += [
         gains.pitch_gradient(last.drive, last.estimate),
         gains.roll_gradient(last.drive, last.estimate, car),
     ]
-    bias, bias_sd = constants["accel_bias_x"], constants["accel_bias_x_sd"]
-    findings += mass.mass_and_rolling(last.drive, last.estimate, car, bias, bias_sd)
-    by_name = {f.name: f for f in findings}
+    bias, bias_sd = states["accel_bias_x"], states["accel_bias_x_sd"]
+    constants += mass.mass_and_rolling(last.drive, last.estimate, car, bias, bias_sd)
+    by_name = {f.name: f for f in constants}
     heavy = by_name["mass"]
     if heavy.identifiable and heavy.value is not None:
         car = car.with_values("calibrated", mass=heavy.value)
     further = tires.stiffnesses(last.drive, by_name["slip_gradient"], car)
-    for finding in [*further, *dynamics.dynamics(last.drive, _plain(car))]:
-        by_name[finding.name] = finding
+    for constant in [*further, *dynamics.dynamics(last.drive, _plain(car))]:
+        by_name[constant.name] = constant
     return DriveCalibration(last.rotation, by_name, _driven(fits))
 
 
@@ -131,10 +131,10 @@ class _Pass:
     drive: Drive
     prior: float
     estimate: Estimate
-    constants: dict[str, float]
+    states: dict[str, float]
     ref: speeds.Reference
-    fits: dict[str, speeds.Fit]
-    place: list[Finding]
+    fits: dict[str, speeds.SpeedFit]
+    place: list[Constant]
 
     @property
     def is_settled(self) -> bool:
@@ -153,18 +153,18 @@ def _settled(drive: Drive, vehicle: Vehicle, start: mounting.Coarse) -> _Pass:
         car = _mounted(car, rotation, late)
         seen = corrected(drive, car)
         estimate = _smoothed(seen, car, prior, delay_sd)
-        constants = {k: float(v[0]) for k, v in estimate.details["constants"].columns.items()}
-        _relieve(constants)
-        turn = _turn(constants, seen, prior)
+        states = {k: float(v[0]) for k, v in estimate.details["constants"].columns.items()}
+        _relieve(states)
+        turn = _turn(states, seen, prior)
         rotation = from_vector(turn) @ rotation
-        ref = speeds.reference(seen, estimate, constants, filled(seen.speed))
+        ref = speeds.reference(seen, estimate, states, filled(seen.speed))
         fits = _fits(seen, ref, car)
         moved = _moved(fits)
         late = late | {clock: late.get(clock, 0.0) + step for clock, step in moved.items()}
         place = _place(fits, vehicle)
         car = _learned(car, vehicle, _driven(fits), place)
         last = _Pass(
-            rotation, turn, late, moved, car, seen, prior, estimate, constants, ref, fits, place
+            rotation, turn, late, moved, car, seen, prior, estimate, states, ref, fits, place
         )
         if last.is_settled:
             break
@@ -172,19 +172,19 @@ def _settled(drive: Drive, vehicle: Vehicle, start: mounting.Coarse) -> _Pass:
     return last
 
 
-def _turn(constants: dict[str, float], drive: Drive, prior: float) -> Floats:
+def _turn(states: dict[str, float], drive: Drive, prior: float) -> Floats:
     """(3,) rad, rotation vector of the mounting that the smoother found, roll only where it can."""
-    rolls = "gnss.roll" in drive and constants["mounting_roll_sd"] < TOLD * prior
+    rolls = "gnss.roll" in drive and states["mounting_roll_sd"] < TOLD * prior
     return np.array(
         [
-            constants["mounting_roll"] if rolls else 0.0,
-            -constants["mounting_pitch"],
-            constants["mounting_yaw"],
+            states["mounting_roll"] if rolls else 0.0,
+            -states["mounting_pitch"],
+            states["mounting_yaw"],
         ]
     )
 
 
-def _learned(car: Vehicle, given: Vehicle, driven: str | None, place: list[Finding]) -> Vehicle:
+def _learned(car: Vehicle, given: Vehicle, driven: str | None, place: list[Constant]) -> Vehicle:
     """The car with the driven axle and the IMU's place, where they were not given but found."""
     if driven and given.source("driven").kind == "default":
         car = replace(car, driven=driven)
@@ -212,15 +212,15 @@ def _plain(vehicle: Vehicle) -> Vehicle:
     return replace(vehicle, **nothing, speed_delay=0.0, gnss_delay=0.0)  # type: ignore[arg-type]
 
 
-def _relieve(constants: dict[str, float]) -> None:
+def _relieve(states: dict[str, float]) -> None:
     """Leave the mounting as gravity gives it where the smoother bends it against a large bias.
 
     Only accel_bias_x + g mounting_pitch is well known; it stays.
     """
-    if abs(constants["accel_bias_x"]) > STRAINED:
-        constants["accel_bias_x"] += G * constants["mounting_pitch"]
-        constants["mounting_pitch_strain"] = constants["mounting_pitch"]
-        constants["mounting_pitch"] = 0.0
+    if abs(states["accel_bias_x"]) > STRAINED:
+        states["accel_bias_x"] += G * states["mounting_pitch"]
+        states["mounting_pitch_strain"] = states["mounting_pitch"]
+        states["mounting_pitch"] = 0.0
 
 
 def _channels(
@@ -243,7 +243,7 @@ def _channels(
     return found
 
 
-def _fits(drive: Drive, ref: speeds.Reference, vehicle: Vehicle) -> dict[str, speeds.Fit]:
+def _fits(drive: Drive, ref: speeds.Reference, vehicle: Vehicle) -> dict[str, speeds.SpeedFit]:
     fits = {}
     for name, (time, values) in _channels(drive, ref, vehicle).items():
         fit = speeds.fit(time, values, ref, slips=name != "gnss")
@@ -252,20 +252,20 @@ def _fits(drive: Drive, ref: speeds.Reference, vehicle: Vehicle) -> dict[str, sp
     return fits
 
 
-def _best(fits: dict[str, speeds.Fit]) -> str | None:
+def _best(fits: dict[str, speeds.SpeedFit]) -> str | None:
     """The car's own channel whose delay is known best."""
     own = {name: fit.delay_sd for name, fit in fits.items() if name != "gnss"}
     return min(own, key=lambda name: own[name]) if own else None
 
 
-def _moved(fits: dict[str, speeds.Fit]) -> dict[str, float]:
+def _moved(fits: dict[str, speeds.SpeedFit]) -> dict[str, float]:
     """s, what the delays of the car's and the receiver's clocks still are."""
     best = _best(fits)
     moved = {} if best is None else {"car": fits[best].delay}
     return moved | ({"gnss": fits["gnss"].delay} if "gnss" in fits else {})
 
 
-def _driven(fits: dict[str, speeds.Fit]) -> str | None:
+def _driven(fits: dict[str, speeds.SpeedFit]) -> str | None:
     """front, rear or all: the axles that run ahead when they push."""
     if "front" not in fits or "rear" not in fits:
         return None
@@ -278,13 +278,13 @@ def _driven(fits: dict[str, speeds.Fit]) -> str | None:
     return next((name for name, slip in slips.items() if slip), None)
 
 
-def _of_smoother(last: _Pass, drive: Drive, start: mounting.Coarse) -> list[Finding]:
-    constants, evidence = last.constants, _evidence(drive, start)
-    strain = constants.get("mounting_pitch_strain", 0.0)
+def _of_smoother(last: _Pass, drive: Drive, start: mounting.Coarse) -> list[Constant]:
+    states, evidence = last.states, _evidence(drive, start)
+    strain = states.get("mounting_pitch_strain", 0.0)
     has_height = any(f"gnss.{field}" in drive for field in ("climb", "altitude"))
     found = []
     for name, prior in (PRIORS | dict.fromkeys(TURNS, last.prior)).items():
-        value, sd = constants[name], constants[f"{name}_sd"]
+        value, sd = states[name], states[f"{name}_sd"]
         if start.coherence < WEAK_COHERENCE and name in ("mounting_yaw", "gyro_bias_z"):
             sd = min(WEAK_FACTOR * sd, prior)
         if last.car.imu_position is None and not has_height and name[:-1] == "accel_bias_":
@@ -302,11 +302,11 @@ def _of_smoother(last: _Pass, drive: Drive, start: mounting.Coarse) -> list[Find
         reason = "" if sd < TOLD * prior else WHY.get(name, WHY_NO_ROLL)
         if name == "mounting_roll" and (reason or "gnss.roll" not in drive):
             sd, reason = CROSSFALL, WHY_NO_ROLL  # the mean bank is 0, as in `mounting.coarse`
-        found.append(Finding(name, unit, value, sd, evidence, reason))
+        found.append(Constant(name, unit, value, sd, evidence, reason))
     return found
 
 
-def _of_speeds(last: _Pass, start: mounting.Coarse) -> list[Finding]:
+def _of_speeds(last: _Pass, start: mounting.Coarse) -> list[Constant]:
     """Delays of both clocks, and the scale of the car's own speed."""
     fits, late, drive, ref = last.fits, last.late, last.drive, last.ref
     source = drive.sources_of_speed()[0]
@@ -317,10 +317,10 @@ def _of_speeds(last: _Pass, start: mounting.Coarse) -> list[Finding]:
         key = "speed_delay" if clock == "car" else "gnss_delay"
         if name in fits:
             sd = float(np.hypot(fits[name].delay_sd, DELAY_FLOOR))
-            found.append(Finding(key, "s", late[clock], sd, f"{name} speed against the IMU"))
+            found.append(Constant(key, "s", late[clock], sd, f"{name} speed against the IMU"))
         elif clock in late and np.isfinite(start.delay):
             evidence = "accelerations of IMU and speed, roughly"
-            found.append(Finding(key, "s", late[clock], COARSE_DELAY_SD, evidence))
+            found.append(Constant(key, "s", late[clock], COARSE_DELAY_SD, evidence))
         elif clock == "gnss":
             reason = why if "gnss.speed" in drive else "no GNSS speed in the log"
             found.append(unknown(key, "s", reason))
@@ -335,7 +335,7 @@ def _of_speeds(last: _Pass, start: mounting.Coarse) -> list[Finding]:
     return [*found, speeds.scale(time[known], values[known], channels["gnss"], ref)]
 
 
-def _place(fits: dict[str, speeds.Fit], vehicle: Vehicle) -> list[Finding]:
+def _place(fits: dict[str, speeds.SpeedFit], vehicle: Vehicle) -> list[Constant]:
     """m, the IMU from the CG, by what it feels and the speed shows in curves."""
     names = ("imu_position_x", "imu_position_y")
     if vehicle.imu_position is not None:
@@ -352,13 +352,13 @@ def _place(fits: dict[str, speeds.Fit], vehicle: Vehicle) -> list[Finding]:
     y_sd = float(np.hypot(fit.side_sd, PLACE_FLOOR))
     evidence = f"{best} speed in curves"
     return [
-        Finding(names[0], "m", x, x_sd, evidence + remark),
-        Finding(names[1], "m", -fit.side, y_sd, evidence),
+        Constant(names[0], "m", x, x_sd, evidence + remark),
+        Constant(names[1], "m", -fit.side, y_sd, evidence),
     ]
 
 
 def _evidence(drive: Drive, start: mounting.Coarse) -> str:
-    moving = float((np.abs(np.nan_to_num(drive.speed)) > mounting.MOVING).sum() * drive.dt)
+    moving = float((np.abs(np.nan_to_num(drive.speed)) > mounting.DRIVING_SPEED).sum() * drive.dt)
     parts = [f"{moving:.0f} s moving"]
     still = float(drive.standstill.sum() * drive.dt)
     if still:

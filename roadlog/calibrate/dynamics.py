@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadlog import estimators
-from roadlog.calibrate.constant import Finding, unknown
+from roadlog.calibrate.constant import JACKKNIFE_BLOCK, Constant, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
@@ -22,7 +22,6 @@ from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
 BAND = (0.2, 2.5)  # Hz: slower is the road's bank, faster its roughness
-BLOCK = 4.0  # s, of the jackknife
 MIN_BLOCKS = 4
 MIN_SPEED = 5.0  # m/s
 MARGIN = 3.0  # s at both ends, where the band-pass still settles
@@ -70,8 +69,8 @@ class _Signals:
         return found
 
 
-def dynamics(drive: Drive, vehicle: Vehicle) -> list[Finding]:
-    """The four findings. drive: in vehicle axes. vehicle: with the place of the IMU, and nothing
+def dynamics(drive: Drive, vehicle: Vehicle) -> list[Constant]:
+    """The four constants. drive: in vehicle axes. vehicle: with the place of the IMU, and nothing
     left that would correct the drive again.
     """
     if "gnss.roll" not in drive or estimators.get("gnss_ins").refusal(drive):
@@ -81,11 +80,11 @@ def dynamics(drive: Drive, vehicle: Vehicle) -> list[Finding]:
         return _unknown("needs two antennas (GNSS roll and heading)")
     signals = _signals(drive, vehicle, ins.roll_total)
     level = float(np.sqrt(np.mean(signals.turn[signals.use] ** 2))) if signals.use.any() else 0.0
-    time = BLOCK * len(np.unique(signals.block[signals.use]))
-    if time < MIN_BLOCKS * BLOCK or level < TURNING:
+    time = JACKKNIFE_BLOCK * len(np.unique(signals.block[signals.use]))
+    if time < MIN_BLOCKS * JACKKNIFE_BLOCK or level < TURNING:
         return _unknown(
             f"v r is {level:.1f} m/s2 rms in {BAND[0]}-{BAND[1]} Hz over {time:.0f} s "
-            f"({TURNING} and {MIN_BLOCKS * BLOCK:.0f} s needed): drive a slalom"
+            f"({TURNING} and {MIN_BLOCKS * JACKKNIFE_BLOCK:.0f} s needed): drive a slalom"
         )
     evidence = f"turning, {level:.1f} m/s2 rms over {time:.0f} s; two antennas"
     sideslip = ins.details["sideslip"].columns["beta"]
@@ -95,7 +94,7 @@ def dynamics(drive: Drive, vehicle: Vehicle) -> list[Finding]:
     ]
 
 
-def _unknown(reason: str) -> list[Finding]:
+def _unknown(reason: str) -> list[Constant]:
     units = {name: unit for name, (unit, _) in ROLL.items()} | {YAW[0]: YAW[1]}
     return [unknown(name, unit, reason) for name, unit in units.items()]
 
@@ -116,12 +115,12 @@ def _signals(drive: Drive, vehicle: Vehicle, roll_total: Floats) -> _Signals:
         band(drive["imu.accel_y"]) - lever,
         band(speed * filled(drive["imu.gyro_z"])),
         use & np.isfinite(roll_total),
-        time // BLOCK,
+        time // JACKKNIFE_BLOCK,
         drive.dt,
     )
 
 
-def _roll(signals: _Signals, vehicle: Vehicle, evidence: str) -> list[Finding]:
+def _roll(signals: _Signals, vehicle: Vehicle, evidence: str) -> list[Constant]:
     """I phi'' + b phi' + k phi = m h f_y, Ryu's (17) and (19); the bank is not in the band."""
     swing = vehicle.mass * vehicle.roll_arm
     columns = [signals.change(signals.p), signals.p, signals.roll]
@@ -141,7 +140,7 @@ def _roll(signals: _Signals, vehicle: Vehicle, evidence: str) -> list[Finding]:
 
 def _yaw(
     drive: Drive, signals: _Signals, sideslip: Floats, vehicle: Vehicle, evidence: str
-) -> Finding:
+) -> Constant:
     """C alpha + (I/L) r' + (I s/(L v)) r'' - s (a m/(L v)) f' = (a m/L) f of the rear axle.
 
     s: the tires' relaxation length; f: side force in the road's plane, over mass.
@@ -194,11 +193,11 @@ def _defaults(vehicle: Vehicle, *names: str) -> list[str]:
 
 def _judged(
     name: str, unit: str, value: float, sd: float, share: float, evidence: str, sheet: list[str]
-) -> Finding:
-    """The finding with the model's own error and that of default values in its standard error."""
+) -> Constant:
+    """The constant with the model's own error and that of default values in its standard error."""
     sd = float(np.sqrt(sd**2 + (share**2 + len(sheet) * SHEET_SHARE**2) * value**2))
     if not value > 0 or sd > WORTH * value:
         reason = f"turning says {value:.0f} +- {sd:.0f}: steer to and fro about once a second"
         return unknown(name, unit, reason)
     remark = f"; rests on the default {', '.join(sheet)}" if sheet else ""
-    return Finding(name, unit, float(value), sd, evidence + remark)
+    return Constant(name, unit, float(value), sd, evidence + remark)

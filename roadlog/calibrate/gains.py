@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from roadlog.calibrate.constant import Finding, jackknife, unknown
+from roadlog.calibrate.constant import JACKKNIFE_BLOCK, Constant, jackknife, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.suspension import PITCH_MODE, ROLL_MODE
 from roadlog.car.vehicle import Vehicle
@@ -22,7 +22,6 @@ from roadlog.units import STANDARD_GRAVITY as G
 
 SLOW = (0.15, 0.5)  # Hz, of the answer
 FAST = (0.4, 2.0)  # Hz, that must agree with it
-BLOCK = 4.0  # s
 SPEED = 2.0  # m/s, beyond which samples count
 SLOPE_WINDOW = 0.3  # s, for dv/dt
 SYSTEMATIC = 0.06  # share: braking and accelerating differ, springs are not linear
@@ -35,13 +34,15 @@ WORTH = 0.5  # share of the value; a larger standard error says nothing
 UNIT = "rad/(m/s2)"
 
 
-def pitch_gradient(drive: Drive, estimate: Estimate) -> Finding:
+def pitch_gradient(drive: Drive, estimate: Estimate) -> Constant:
     """Body pitch per longitudinal specific force."""
     force = second_order(filled(drive["imu.accel_x"]), *PITCH_MODE, drive.rate)
     change = slope(filled(drive.speed), odd_window(SLOPE_WINDOW, drive.dt), drive.dt)
     use = _usable(drive, estimate)
     value, sd, level, blocks = _ratio(estimate.inclination, force, change, use, SLOW, drive.rate)
-    evidence = f"braking and accelerating, {level:.2f} m/s2 rms over {blocks * BLOCK:.0f} s"
+    evidence = (
+        f"braking and accelerating, {level:.2f} m/s2 rms over {blocks * JACKKNIFE_BLOCK:.0f} s"
+    )
     if blocks < MIN_BLOCKS or level < PITCH_EXCITATION:
         return unknown(
             "pitch_gradient",
@@ -55,10 +56,10 @@ def pitch_gradient(drive: Drive, estimate: Estimate) -> Finding:
             UNIT,
             f"braking says {value:.4f} +- {sd:.4f}: masked by the slopes of this road",
         )
-    return Finding("pitch_gradient", UNIT, value, sd, evidence)
+    return Constant("pitch_gradient", UNIT, value, sd, evidence)
 
 
-def roll_gradient(drive: Drive, estimate: Estimate, vehicle: Vehicle) -> Finding:
+def roll_gradient(drive: Drive, estimate: Estimate, vehicle: Vehicle) -> Constant:
     """Body roll per lateral specific force; not told on superelevated roads."""
     force = second_order(filled(drive["imu.accel_y"]), *ROLL_MODE, drive.rate)
     lateral = filled(drive.speed) * filled(drive["imu.gyro_z"])
@@ -85,8 +86,9 @@ def roll_gradient(drive: Drive, estimate: Estimate, vehicle: Vehicle) -> Finding
         return unknown(
             "roll_gradient", UNIT, f"curves say {value:.4f} +- {sd:.4f}, which no car does"
         )
-    evidence = f"turning, {level:.2f} m/s2 rms over {blocks * BLOCK:.0f} s; quick turns {fast:.4f}"
-    return Finding("roll_gradient", UNIT, value, sd, evidence)
+    turned = f"turning, {level:.2f} m/s2 rms over {blocks * JACKKNIFE_BLOCK:.0f} s"
+    evidence = f"{turned}; quick turns {fast:.4f}"
+    return Constant("roll_gradient", UNIT, value, sd, evidence)
 
 
 def _usable(drive: Drive, estimate: Estimate) -> Bools:
@@ -104,7 +106,7 @@ def _ratio(
 ) -> tuple[float, float, float, int]:
     """Gradient from sum(I angle) / sum(I force) in a band, its sd, rms force, number of blocks."""
     passed = [band_pass(filled(x), band, rate) for x in (angle, force, instrument)]
-    block = np.arange(len(use))[use] // round(BLOCK * rate)
+    block = np.arange(len(use))[use] // round(JACKKNIFE_BLOCK * rate)
     theta, s, z = (x[use] for x in passed)
     count = np.bincount(block)
     blocks = int((count > 0).sum())

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from roadlog.calibrate.constant import Finding, unknown
+from roadlog.calibrate.constant import JACKKNIFE_BLOCK, Constant, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
@@ -32,15 +32,14 @@ GEARLESS_SHARE = 0.05  # of the mass: the engine's inertia in gears that the log
 DRAG_SHARE = 0.15  # of a drag area that is only a default
 FORCE = 0.3  # m/s2 rms of the driven specific force, without which it says nothing
 MIN_TIME = 30.0  # s
-BLOCK = 4.0  # s
 MAX_ROLLING_SD = 0.003
 NAMES = (("mass", "kg"), ("rolling_resistance", "-"))
 
 
 def mass_and_rolling(
     drive: Drive, estimate: Estimate, vehicle: Vehicle, bias: float, bias_sd: float
-) -> list[Finding]:
-    """Both findings. bias, bias_sd: m/s2, of the accelerometer along the road."""
+) -> list[Constant]:
+    """Both constants. bias, bias_sd: m/s2, of the accelerometer along the road."""
     force = _drive_force(drive, vehicle)
     if isinstance(force, str):
         return [unknown(name, unit, force) for name, unit in NAMES]
@@ -76,7 +75,7 @@ def mass_and_rolling(
     mass_sd = float(np.hypot(mass_sd, inertia_sd))
     remark = "" if not radius else "; rests on the default wheel_radius"
     evidence = f"torques over {time:.0f} s, {level:.2f} m/s2 rms{remark}"
-    found = [Finding("mass", "kg", mass, float(np.hypot(mass_sd, scale * mass)), evidence)]
+    found = [Constant("mass", "kg", mass, float(np.hypot(mass_sd, scale * mass)), evidence)]
     rolling = rest / (mass * G)
     wind = DRAG_SHARE if vehicle.source("drag_area").kind == "default" else 0.05
     parts = [
@@ -90,7 +89,7 @@ def mass_and_rolling(
     if sd > MAX_ROLLING_SD or rolling <= 0:
         reason = f"masked by the accelerometer's bias ({rolling:.3f} +- {sd:.3f})"
         return [*found, unknown("rolling_resistance", "-", reason)]
-    return [*found, Finding("rolling_resistance", "-", rolling, sd, evidence)]
+    return [*found, Constant("rolling_resistance", "-", rolling, sd, evidence)]
 
 
 def _drive_force(drive: Drive, vehicle: Vehicle) -> Floats | str:
@@ -130,11 +129,11 @@ def _brakes_off(drive: Drive) -> np.ndarray:
 def _line(
     x: Floats, y: Floats, index: np.ndarray, rate: float
 ) -> tuple[float, float, float, float]:
-    """y = a x + b: a, b and their standard errors by leaving out blocks of BLOCK seconds.
+    """y = a x + b: a, b and their standard errors by leaving out blocks of JACKKNIFE_BLOCK seconds.
 
     The reduced major axis: noise of both sides is alike, neither is the cause.
     """
-    block = np.unique(index // round(BLOCK * rate), return_inverse=True)[1]
+    block = np.unique(index // round(JACKKNIFE_BLOCK * rate), return_inverse=True)[1]
     n = np.bincount(block).astype(np.float64)
     sums = [np.bincount(block, values) for values in (x, y, x * x, x * y, y * y)]
     totals = np.array([n.sum(), *(s.sum() for s in sums)])

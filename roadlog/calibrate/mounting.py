@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roadlog.calibrate.constant import jackknife
+from roadlog.calibrate.constant import JACKKNIFE_BLOCK, jackknife
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
 from roadlog.filters.kernels import odd_window, slope
@@ -24,8 +24,7 @@ from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
 BAND = (0.05, 0.5)  # Hz, in which the accelerations are compared
-BLOCK = 4.0  # s, of the jackknife
-MOVING = 1.5  # m/s
+DRIVING_SPEED = 1.5  # m/s
 SLOPE_WINDOW = 0.3  # s, for dv/dt
 COHERENCE = 0.4  # below this the heading of the IMU is not told
 YAW_SD = np.radians(10.0)  # nor beyond this
@@ -77,7 +76,7 @@ def coarse(drive: Drive) -> Coarse:
     force, rate = triad(drive, "accel"), triad(drive, "gyro")
     speed = filled(drive.speed)
     known: Bools = np.isfinite(drive.speed) & np.isfinite(drive["imu.accel_x"])
-    moving: Bools = known & (np.abs(speed) > MOVING)
+    moving: Bools = known & (np.abs(speed) > DRIVING_SPEED)
     if moving.sum() < MIN_MOVING * drive.rate:
         raise EstimatorError(
             f"cannot calibrate: the car moves for {moving.sum() * drive.dt:.0f} s only; "
@@ -198,8 +197,8 @@ def _forward(
 
 
 def _blocks(mask: Bools, rate: float) -> np.ndarray:
-    """Number of the block of BLOCK seconds that each sample belongs to."""
-    return np.arange(len(mask)) // max(1, round(BLOCK * rate))
+    """Number of the block of JACKKNIFE_BLOCK seconds that each sample belongs to."""
+    return np.arange(len(mask)) // max(1, round(JACKKNIFE_BLOCK * rate))
 
 
 def _unit(vector: Floats) -> Floats:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from roadlog.calibrate.constant import Finding, unknown
+from roadlog.calibrate.constant import Constant, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
@@ -22,7 +22,7 @@ from roadlog.estimate import Estimate
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
-BLOCK = 10.0  # s; in each an offset and a drift are free, and the jackknife leaves one out
+DRIFT_BLOCK = 10.0  # s; in each an offset and a drift are free, and the jackknife leaves one out
 MIN_SPEED = 2.0  # m/s
 MIN_BLOCKS = 5
 MIN_SHARE = 0.5  # of a block that must be used
@@ -74,7 +74,7 @@ class Reference:
 
 
 @dataclass(frozen=True)
-class Fit:
+class SpeedFit:
     """delay: s against the IMU. side: m, channel to the left of the IMU. ahead: m, IMU ahead of the
     rear axle. slip: s2/m, share of the
     speed by which the wheel runs ahead per driving m/s2.
@@ -116,7 +116,7 @@ def reference(
     )
 
 
-def fit(own: Floats, values: Floats, ref: Reference, slips: bool) -> Fit | None:
+def fit(own: Floats, values: Floats, ref: Reference, slips: bool) -> SpeedFit | None:
     """One channel's samples against the reference; None where the drive is too short or steady."""
     known = np.isfinite(values)
     own, values = own[known], values[known]
@@ -141,10 +141,12 @@ def fit(own: Floats, values: Floats, ref: Reference, slips: bool) -> Fit | None:
     delay_sd = float(spread[1] / abs(solution[0]))
     side, side_sd = float(-solution[2]), float(spread[2])
     ahead, ahead_sd = float(solution[3]), float(spread[3])
-    return Fit(float(delay), delay_sd, side, side_sd, ahead, ahead_sd, float(slip), float(slip_sd))
+    return SpeedFit(
+        float(delay), delay_sd, side, side_sd, ahead, ahead_sd, float(slip), float(slip_sd)
+    )
 
 
-def scale(own: Floats, values: Floats, gnss: tuple[Floats, Floats], ref: Reference) -> Finding:
+def scale(own: Floats, values: Floats, gnss: tuple[Floats, Floats], ref: Reference) -> Constant:
     """True speed over the channel's, by GNSS; both on the IMU's clock. A slipping wheel's share
     and a lever arm are free.
     """
@@ -156,7 +158,7 @@ def scale(own: Floats, values: Floats, gnss: tuple[Floats, Floats], ref: Referen
     v = true / ref.cosine[index]
     push = v * ref.force[index]
     A = np.stack([v, np.maximum(push, 0), np.minimum(push, 0), ref.yaw_rate[index]], axis=1)
-    block = np.floor(at[use] / BLOCK).astype(np.int64)
+    block = np.floor(at[use] / DRIFT_BLOCK).astype(np.int64)
     parts = [(A[block == b], shown[block == b]) for b in np.unique(block)]
     usual = float(np.median(np.diff(at))) if len(at) > 1 else np.inf
     solved = _solved(parts, SCALE_PRIOR, max(1.0, CORRELATED / usual))
@@ -165,8 +167,8 @@ def scale(own: Floats, values: Floats, gnss: tuple[Floats, Floats], ref: Referen
     value, sd = solved[0][0], float(np.hypot(solved[1][0], SCALE_FLOOR))
     if sd > WORTH_SCALE:
         return unknown("speed_scale", "-", f"{1 / value:.3f} +- {sd:.3f}: drive straight as well")
-    evidence = f"against GNSS speed, {len(parts)} stretches of {BLOCK:.0f} s"
-    return Finding("speed_scale", "-", float(1 / value), float(sd / value**2), evidence)
+    evidence = f"against GNSS speed, {len(parts)} stretches of {DRIFT_BLOCK:.0f} s"
+    return Constant("speed_scale", "-", float(1 / value), float(sd / value**2), evidence)
 
 
 def _integral(values: Floats, dt: float) -> Floats:
@@ -181,12 +183,12 @@ def _nearest(at: Floats, ref: Reference) -> NDArray[np.int64]:
 
 def _blockwise(own: Floats, A: Floats, y: Floats, prior: Floats) -> tuple[Floats, Floats] | None:
     """`_solved` with an offset and a drift of each block free."""
-    block = np.floor(own / BLOCK).astype(np.int64)
+    block = np.floor(own / DRIFT_BLOCK).astype(np.int64)
     usual = np.median(np.diff(own)) if len(own) > 1 else np.inf
     parts = []
     for b in np.unique(block):
         rows = block == b
-        if rows.sum() < max(6, MIN_SHARE * BLOCK / usual):
+        if rows.sum() < max(6, MIN_SHARE * DRIFT_BLOCK / usual):
             continue
         t = own[rows] - own[rows].mean()
         free = np.linalg.qr(np.stack([np.ones(len(t)), t], axis=1))[0]

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from roadlog.calibrate.constant import Finding, unknown
+from roadlog.calibrate.constant import Constant, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.suspension import TIRE_MODE
 from roadlog.car.vehicle import Vehicle
@@ -30,7 +30,7 @@ UNIT, SLIP_UNIT = "N/rad", "rad/(m/s2)"
 REAR, FRONT = "rear_cornering_stiffness", "front_cornering_stiffness"
 
 
-def stiffnesses(drive: Drive, slip: Finding, vehicle: Vehicle) -> list[Finding]:
+def stiffnesses(drive: Drive, slip: Constant, vehicle: Vehicle) -> list[Constant]:
     """Rear and front, from the rear slip gradient (rad per m/s2) and the understeer."""
     if slip.identifiable and slip.value is not None and slip.sd is not None:
         slip = replace(slip, sd=float(np.hypot(slip.sd, ARM_SD / _turning_speed(drive) ** 2)))
@@ -49,7 +49,7 @@ def stiffnesses(drive: Drive, slip: Finding, vehicle: Vehicle) -> list[Finding]:
     remark = f"; rests on the default {', '.join(defaults)}" if defaults else ""
     rear = load / slip.value
     spread = float(np.hypot(slip.sd / slip.value, sheet))
-    found = [Finding(REAR, UNIT, rear, rear * spread, slip.evidence + remark)]
+    found = [Constant(REAR, UNIT, rear, rear * spread, slip.evidence + remark)]
     understeer = _understeer(drive, vehicle)
     if isinstance(understeer, str):
         return [*found, unknown(FRONT, UNIT, understeer)]
@@ -61,7 +61,7 @@ def stiffnesses(drive: Drive, slip: Finding, vehicle: Vehicle) -> list[Finding]:
     front = vehicle.mass * vehicle.cg_to_rear_axle / vehicle.wheelbase / total
     evidence = f"steering against yaw rate, {level:.1f} m/s2 rms of lateral force{remark}"
     spread = float(np.hypot(total_sd / total, sheet))
-    return [*found, Finding(FRONT, UNIT, front, front * spread, evidence)]
+    return [*found, Constant(FRONT, UNIT, front, front * spread, evidence)]
 
 
 def _understeer(drive: Drive, vehicle: Vehicle) -> tuple[float, float, float] | str:

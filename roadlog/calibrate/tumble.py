@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from roadlog.calibrate.constant import Finding, unknown
+from roadlog.calibrate.constant import Constant, unknown
 from roadlog.calibrate.mounting import triad
 from roadlog.drive import Drive, runs
 from roadlog.estimators.kim2023.strapdown import to_navigation, turn
@@ -87,32 +87,32 @@ def is_tumble(drive: Drive) -> bool:
     return all(role in drive for role in roles) and positions(rests(drive)) >= LEAST
 
 
-def tumble(drive: Drive) -> list[Finding]:
+def tumble(drive: Drive) -> list[Constant]:
     """Zero and scale of each axis of both sensors, in the axes in which the log holds them."""
     found = rests(drive)
     zero, scale, sds, miss = _accelerometer(found)
     evidence = (
         f"{positions(found)} positions, {len(found)} rests; gravity missed by {miss:.4f} m/s2"
     )
-    findings = _of("accel_zero", zero, sds[:3], evidence, MAX_ZERO)
-    findings += _of("accel_scale", scale, sds[3:], evidence, MAX_SCALE)
+    constants = _of("accel_zero", zero, sds[:3], evidence, MAX_ZERO)
+    constants += _of("accel_scale", scale, sds[3:], evidence, MAX_SCALE)
     weights = np.array([1 / r.rate_sd**2 for r in found])
     rates = np.array([r.rate for r in found])
     gyro_zero = np.average(rates, axis=0, weights=weights)
     spread = np.sqrt(np.average((rates - gyro_zero) ** 2, axis=0, weights=weights))
     gyro_sd = np.maximum(spread, found[0].rate_sd) / np.sqrt(len(found))
-    findings += _of("gyro_zero", gyro_zero, gyro_sd, f"{len(found)} rests", np.inf)
+    constants += _of("gyro_zero", gyro_zero, gyro_sd, f"{len(found)} rests", np.inf)
     up = [_unit(scale * (r.force - zero)) for r in found]
     turning = _gyro_scale(drive, found, up, float(np.max(sds[:3])) / G, gyro_zero)
     if turning is None:
         reason = "needs turns by a quarter and more about every axis"
-        return findings + [unknown(f"gyro_scale_{axis}", "-", reason) for axis in AXES]
-    return findings + _of("gyro_scale", *turning, "turns between the rests", MAX_SCALE)
+        return constants + [unknown(f"gyro_scale_{axis}", "-", reason) for axis in AXES]
+    return constants + _of("gyro_scale", *turning, "turns between the rests", MAX_SCALE)
 
 
-def _of(kind: str, values: Floats, sds: Floats, evidence: str, worst: float) -> list[Finding]:
+def _of(kind: str, values: Floats, sds: Floats, evidence: str, worst: float) -> list[Constant]:
     return [
-        Finding(f"{kind}_{axis}", UNITS[kind], float(value), float(sd), evidence)
+        Constant(f"{kind}_{axis}", UNITS[kind], float(value), float(sd), evidence)
         if sd < worst
         else unknown(f"{kind}_{axis}", UNITS[kind], "needs positions with this axis up and down")
         for axis, value, sd in zip(AXES, values, sds, strict=True)

@@ -14,23 +14,23 @@ from roadlog.errors import ConfigError, near
 if TYPE_CHECKING:
     from roadlog.types import Floats
 
-Kind = Literal["given", "calibrated", "preset", "default"]
+ValueKind = Literal["given", "calibrated", "preset", "default"]
 
 
 @dataclass(frozen=True)
-class Source:
+class ValueSource:
     """Where a parameter's value comes from; sd in the parameter's own unit, None when unknown.
 
     axis_sd: the same of a parameter with three axes (of a rotation: rad about each).
     """
 
-    kind: Kind
+    kind: ValueKind
     sd: float | None = None
     axis_sd: tuple[float, float, float] | None = None
 
 
 STATED_MOUNTING = 0.0052  # rad (0.3 deg), sd of a mounting that somebody measured and gave no sd
-DEFAULT = Source("default")
+DEFAULT = ValueSource("default")
 
 
 def _parameter(default: Any, unit: str, doc: str, key: str = "") -> Any:
@@ -109,9 +109,9 @@ class Vehicle:
         "speed, force at the wheels, fuel: all points of a grid",
         "tank.consumption",
     )
-    sources: Mapping[str, Source] = field(default_factory=dict, metadata={"key": None})
+    sources: Mapping[str, ValueSource] = field(default_factory=dict, metadata={"key": None})
 
-    def source(self, parameter: str) -> Source:
+    def source(self, parameter: str) -> ValueSource:
         """Where a parameter comes from."""
         return self.sources.get(parameter, DEFAULT)
 
@@ -124,11 +124,11 @@ class Vehicle:
 
     def with_stated_mounting(self, sd: float = STATED_MOUNTING) -> Vehicle:
         """A copy whose IMU lies as the log has it, to `sd` (rad, each axis)."""
-        return replace(self, sources={**self.sources, "imu_mount": Source("given", sd)})
+        return replace(self, sources={**self.sources, "imu_mount": ValueSource("given", sd)})
 
-    def with_values(self, kind: Kind = "given", **values: Any) -> Vehicle:
+    def with_values(self, kind: ValueKind = "given", **values: Any) -> Vehicle:
         """A copy with some parameters set, and their source noted."""
-        marks = {name: Source(kind) for name in values}
+        marks = {name: ValueSource(kind) for name in values}
         return replace(self, sources={**self.sources, **marks}, **values)
 
     def mounted(self, rotation: Floats) -> Vehicle:
@@ -189,7 +189,7 @@ class Vehicle:
             if key not in by_key:
                 raise ConfigError(f"{where}: unknown key '{key}'. {near(key, by_key)}")
             values[by_key[key]] = _checked(by_key[key], value, f"{where}: {key}")
-        sources = {name: Source("given") for name in values}
+        sources = {name: ValueSource("given") for name in values}
         for key, entry in document.get("sources", {}).items():
             if key not in by_key:
                 raise ConfigError(f"{where}: [sources] unknown key '{key}'. {near(key, by_key)}")
@@ -219,7 +219,7 @@ class Vehicle:
             unit = f"  # {parameter.metadata['unit']}" if parameter.metadata["unit"] else ""
             lines[section].append(f"{key.removeprefix('tank.')} = {_toml(value)}{unit}")
             source = self.source(name)
-            if source != Source("given"):
+            if source != ValueSource("given"):
                 lines["sources"].append(_toml_source(key, source))
         return "\n\n".join("\n".join(block) for block in lines.values() if len(block) > 1) + "\n"
 
@@ -257,16 +257,16 @@ _SIGNED = ("speed_delay", "gnss_delay")
 _MAY_BE_ZERO = ("drag_area", "rolling_resistance", "pitch_gradient", "roll_gradient")
 
 
-def _source(kind: Kind, sd: Any, where: str) -> Source:
+def _source(kind: ValueKind, sd: Any, where: str) -> ValueSource:
     """Raises ConfigError."""
     if sd is None:
-        return Source(kind)
+        return ValueSource(kind)
     values = sd if isinstance(sd, list) else [sd]
     if len(values) not in (1, 3) or not all(toml.is_number(v) and v >= 0 for v in values):
         raise ConfigError(f"{where}: sd = {sd!r}: must be a number or three, not negative")
     if isinstance(sd, list) and len(values) == 3:
-        return Source(kind, axis_sd=(float(values[0]), float(values[1]), float(values[2])))
-    return Source(kind, float(values[0]))
+        return ValueSource(kind, axis_sd=(float(values[0]), float(values[1]), float(values[2])))
+    return ValueSource(kind, float(values[0]))
 
 
 def _checked(name: str, value: Any, where: str) -> Any:
@@ -296,7 +296,7 @@ def _checked(name: str, value: Any, where: str) -> Any:
     return float(value)
 
 
-def _toml_source(key: str, source: Source) -> str:
+def _toml_source(key: str, source: ValueSource) -> str:
     spread = source.sd if source.axis_sd is None else source.axis_sd
     sd = "" if spread is None else f", sd = {_toml(spread)}"
     quoted = f'"{key}"' if "." in key else key

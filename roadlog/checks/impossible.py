@@ -62,7 +62,7 @@ MEANT: dict[str, tuple[tuple[float, str], ...]] = {
 }
 _EXACT = {"mg": 'unit = "mg"', "degrees": 'unit = "deg"', "mm": 'unit = "mm"', "cm": 'unit = "cm"'}
 
-Signals = dict[str, tuple[Floats, Floats]]  # role -> s, values
+RoleSignals = dict[str, tuple[Floats, Floats]]  # role -> s, values
 
 
 def beyond(tables: Mapping[str, Table]) -> tuple[list[Finding], dict[str, Table]]:
@@ -86,9 +86,9 @@ def beyond(tables: Mapping[str, Table]) -> tuple[list[Finding], dict[str, Table]
     return found, {topic: _without(table, dropped) for topic, table in tables.items()}
 
 
-def _signals(tables: Mapping[str, Table]) -> Signals:
+def _signals(tables: Mapping[str, Table]) -> RoleSignals:
     """Known values of each signal, of long tables some evenly taken."""
-    found: Signals = {}
+    found: RoleSignals = {}
     for section in SECTIONS.values():
         table = tables.get(section.topic)
         if table is None or not len(table):
@@ -107,7 +107,7 @@ def _signals(tables: Mapping[str, Table]) -> Signals:
     return found
 
 
-def _groups(signals: Signals) -> Iterator[tuple[str, ...]]:
+def _groups(signals: RoleSignals) -> Iterator[tuple[str, ...]]:
     grouped = {role for roles in GROUPS for role in roles}
     for roles in (*GROUPS, *((role,) for role in LIMITS if role not in grouped)):
         if there := tuple(role for role in roles if role in signals):
@@ -123,7 +123,7 @@ def _mostly_outside(role: str, values: Floats) -> bool:
     return bool(_outside(role, values).mean() > MOSTLY)
 
 
-def _finding(roles: tuple[str, ...], outside: Sequence[str], signals: Signals) -> Finding:
+def _finding(roles: tuple[str, ...], outside: Sequence[str], signals: RoleSignals) -> Finding:
     values = signals[outside[0]][1]
     low, high = float(values.min()), float(values.max())
     limits = LIMITS[outside[0]]
@@ -135,7 +135,7 @@ def _finding(roles: tuple[str, ...], outside: Sequence[str], signals: Signals) -
     return Finding("impossible", "fault", roles, text, cause, value=factor)
 
 
-def _cause(roles: tuple[str, ...], signals: Signals) -> tuple[str, float | None]:
+def _cause(roles: tuple[str, ...], signals: RoleSignals) -> tuple[str, float | None]:
     """What the source may have meant, tried on the data, and the factor."""
     if size := _wrapped(roles, signals):
         return f"negative numbers written without their sign (2^{size}): read it as signed", None
@@ -164,7 +164,7 @@ def _kind(role: str) -> str:
     )
 
 
-def _fits(roles: tuple[str, ...], signals: Signals, factor: float) -> bool:
+def _fits(roles: tuple[str, ...], signals: RoleSignals, factor: float) -> bool:
     """Whether all is within limits with a factor, and agrees with what else there is."""
     if any((_outside(role, signals[role][1] * factor)).mean() > 0.01 for role in roles):
         return False
@@ -175,7 +175,7 @@ def _fits(roles: tuple[str, ...], signals: Signals, factor: float) -> bool:
     return _off_gravity(roles, signals, factor) < NEAR_GRAVITY
 
 
-def _off_gravity(roles: tuple[str, ...], signals: Signals, factor: float) -> float:
+def _off_gravity(roles: tuple[str, ...], signals: RoleSignals, factor: float) -> float:
     """Share by which three accelerations times a factor miss gravity; 0 for other signals."""
     if _kind(roles[0]) != "accel" or len(roles) < len(AXES):
         return 0.0
@@ -183,7 +183,7 @@ def _off_gravity(roles: tuple[str, ...], signals: Signals, factor: float) -> flo
     return abs(size / STANDARD_GRAVITY - 1)
 
 
-def _minutes(roles: tuple[str, ...], signals: Signals) -> str:
+def _minutes(roles: tuple[str, ...], signals: RoleSignals) -> str:
     """What else minutes may be: `ddmm.mmmm` never has minutes beyond 59."""
     rest = np.concatenate([np.abs(signals[role][1]) % 100 for role in roles])
     also = "; or degrees and minutes in one number (ddmm.mmmm), then convert it first"
@@ -191,7 +191,7 @@ def _minutes(roles: tuple[str, ...], signals: Signals) -> str:
     return (also if (rest < 60).all() else "") + west
 
 
-def _wrapped(roles: tuple[str, ...], signals: Signals) -> int:
+def _wrapped(roles: tuple[str, ...], signals: RoleSignals) -> int:
     """Bits of a number whose sign was lost; 0 for none: several values just below 2^bits."""
     for bits in (64, 32):
         for role in roles:
@@ -203,7 +203,7 @@ def _wrapped(roles: tuple[str, ...], signals: Signals) -> int:
     return 0
 
 
-def _against_speed(signals: Signals, factor: float) -> float | None:
+def _against_speed(signals: RoleSignals, factor: float) -> float | None:
     """Way by the positions, times a factor, over the way by a speed; None where none tells."""
     (time, north), (_, east) = (signals[role] for role in GROUPS[0])
     if len(north) != len(east) or len(north) < 10:

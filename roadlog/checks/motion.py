@@ -20,7 +20,7 @@ from roadlog.motion.evidence import (
     Lag,
     correlation,
 )
-from roadlog.motion.lag import Track, shift
+from roadlog.motion.lag import SpeedTrack, shift
 from roadlog.signals import AXES, WHEELS
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
@@ -303,8 +303,8 @@ def _longitudinal(evidence: Evidence, speed: Floats) -> tuple[Floats, Floats, La
 def _exactly(evidence: Evidence, accel: Floats, speed: Floats, lag: Lag) -> Lag:
     """The lag without the bias that a slow speed gives the correlation, and its sd."""
     time = np.arange(len(speed)) / evidence.rate
-    ahead = Track.of_acceleration(time, np.sign(lag.r) * accel)
-    fine = shift(ahead, Track.of_speed(time, speed), -lag.lag)
+    ahead = SpeedTrack.of_acceleration(time, np.sign(lag.r) * accel)
+    fine = shift(ahead, SpeedTrack.of_speed(time, speed), -lag.lag)
     return lag if fine is None else replace(lag, lag=-fine.seconds, sd=fine.sd)
 
 

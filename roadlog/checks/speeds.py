@@ -6,7 +6,7 @@ import numpy as np
 
 from roadlog.checks.motion import Examination, clear_lag, roles_of
 from roadlog.drive import nan_median
-from roadlog.motion.evidence import MOVING, TRACK_WIDTH, Evidence
+from roadlog.motion.evidence import COURSE_SPEED, TRACK_WIDTH, Evidence
 from roadlog.signals import AXES, WHEELS
 from roadlog.types import Floats
 from roadlog.units import UNITS
@@ -28,7 +28,7 @@ def dead(exam: Examination) -> None:
     still = {name for name, v in sources.items() if not _moves(np.abs(v), STANDING)}
     for name in still & {"wheel_speeds", "speed.v"}:
         moving = [other for other in sources if other not in still]
-        if evidence.track is not None and _moves(evidence.track[0], MOVING):
+        if evidence.track is not None and _moves(evidence.track[0], COURSE_SPEED):
             moving.append("the positions")
         if not moving and _is_driven(exam):
             moving.append("the inertial sensor")
@@ -96,7 +96,7 @@ def _wheels(exam: Examination) -> None:
         return
     rows = np.stack([evidence[role] for role in roles])
     middle = nan_median(rows)
-    driving = np.isfinite(rows).all(axis=0) & (middle > MOVING)
+    driving = np.isfinite(rows).all(axis=0) & (middle > COURSE_SPEED)
     turn = evidence.course_rate if evidence.course_rate is not None else _turn(evidence)
     if turn is not None:
         driving &= np.abs(evidence.smooth(turn, TRACK_WIDTH)) < STRAIGHT
@@ -154,7 +154,7 @@ def _track_speed(evidence: Evidence) -> tuple[str, Floats] | None:
 
 
 def _ratio(speed: Floats, other: Floats) -> float | None:
-    both = np.isfinite(speed) & np.isfinite(other) & (np.abs(other) > MOVING)
+    both = np.isfinite(speed) & np.isfinite(other) & (np.abs(other) > COURSE_SPEED)
     if both.sum() < 50:
         return None
     return float(np.median(np.abs(speed[both]) / np.abs(other[both])))
@@ -168,5 +168,5 @@ def _speed_unit(ratio: float | None) -> str | None:
     return unit if abs(np.log(ratio * UNITS[unit][1])) < UNIT_TOLERANCE / 4 else None
 
 
-def _moves(speed: Floats, least: float = MOVING) -> bool:
+def _moves(speed: Floats, least: float = COURSE_SPEED) -> bool:
     return bool((speed > least).sum() >= 50)

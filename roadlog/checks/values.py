@@ -40,7 +40,7 @@ ROLLING = 1.0  # m/s
 MAX_APART = 60.0  # s between two channels that should overlap
 EPOCH_APART = 86400.0  # s; channels further apart count from different epochs
 
-Found = tuple[list[Finding], dict[str, Table]]
+Checked = tuple[list[Finding], dict[str, Table]]
 
 
 def inputs(tables: Mapping[str, Table]) -> Iterator[tuple[Section, Table]]:
@@ -94,7 +94,7 @@ def stamps(tables: Mapping[str, Table]) -> list[Finding]:
     return found
 
 
-def invalid(tables: Mapping[str, Table]) -> Found:
+def invalid(tables: Mapping[str, Table]) -> Checked:
     """Codes for "invalid" among the values, and a first fix that comes late."""
     found: list[Finding] = []
     clean = dict(tables)
@@ -132,7 +132,7 @@ def invalid(tables: Mapping[str, Table]) -> Found:
     return [*found, *_late_fix(tables, clean)], clean
 
 
-def frozen(tables: Mapping[str, Table]) -> Found:
+def frozen(tables: Mapping[str, Table]) -> Checked:
     """Inertial signals that stay exactly the same for seconds, between times when they do not."""
     found: list[Finding] = []
     clean = dict(tables)

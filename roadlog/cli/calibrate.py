@@ -79,14 +79,14 @@ def _report(found: Calibration, opened: list[Any], out: Path) -> dict[str, Any]:
                 "reason": f.reason,
                 "drives": [{"value": value, "sd": sd} for value, sd in f.drives],
             }
-            for f in found.findings.values()
+            for f in found.constants.values()
         },
     }
 
 
 def _print(found: Calibration, out: Path) -> None:
     rows = []
-    for f in found.findings.values():
+    for f in found.constants.values():
         unit = IN_DEGREES.get(f.unit, f.unit)
         factor = math.degrees(1) if unit != f.unit else 1.0
         remark = f.evidence if f.identifiable else f"not identifiable from these drives: {f.reason}"

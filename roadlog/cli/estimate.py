@@ -91,7 +91,7 @@ InPlaceAnyway = Annotated[
         help="Write into a third-party MCAP itself, not into NAME.roadlog.mcap beside it.",
     ),
 ]
-Form = Annotated[
+OutputForm = Annotated[
     str | None,
     typer.Option(
         "--as",
@@ -113,7 +113,7 @@ def estimate(
     ] = None,
     in_place: InPlace = False,
     in_place_anyway: InPlaceAnyway = False,
-    form: Form = None,
+    form: OutputForm = None,
     vehicle: Annotated[
         Path | None, typer.Option(help="Vehicle file (TOML), instead of the log's own.")
     ] = None,

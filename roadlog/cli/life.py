@@ -18,7 +18,7 @@ TICK = 0.1  # s between two pictures
 BAR = 20  # columns
 
 
-class Line:
+class StatusLine:
     """The line. step: what is being done. done, total: of a count of equal parts, 0 for none."""
 
     def __init__(self, step: str) -> None:
@@ -67,7 +67,7 @@ class Line:
         self._thread.join()
 
 
-_line: Line | None = None
+_line: StatusLine | None = None
 
 
 @contextmanager
@@ -77,7 +77,7 @@ def shown(step: str) -> Iterator[None]:
     if _line is not None or not sys.stderr.isatty():  # a command of a command
         yield
         return
-    _line = Line(step)
+    _line = StatusLine(step)
     try:
         yield
     finally:

@@ -48,7 +48,7 @@ def plot(
     """
     from roadlog.files import output
     from roadlog.log import DriveLog
-    from roadlog.view.figure import SUFFIXES, Part, write_figure
+    from roadlog.view.figure import SUFFIXES, Extent, write_figure
     from roadlog.view.model import drive_view
     from roadlog.view.slopes import in_percent
 
@@ -58,7 +58,7 @@ def plot(
         )
     if over not in ("time", "distance"):
         raise typer.BadParameter("must be time or distance", param_hint="--over")
-    part = Part("distance" if over == "distance" else "time", first, last, tuple(angles or ()))
+    part = Extent("distance" if over == "distance" else "time", first, last, tuple(angles or ()))
     with output(out, [*logs, profile], force=force):
         opened = [DriveLog(path, profile) for path in logs]
         shown = drive_view(opened, names or ())

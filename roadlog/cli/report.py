@@ -14,7 +14,7 @@ from roadlog import interrupt
 from roadlog.cli import console, life, options
 
 if TYPE_CHECKING:
-    from roadlog.report.batch import Engine
+    from roadlog.report.batch import Workers
     from roadlog.report.compare import Comparison
     from roadlog.report.row import Options
     from roadlog.report.run import Report
@@ -94,7 +94,7 @@ def report(
     finished = partial(finish, against=against, threshold=threshold, one_file=one_file, slope=slope)
     if paths:
         work = _options(names, vehicle, profile, write_back)
-        made = _worked(paths, work, _engine(jobs, cluster), resume, out, force, finished)
+        made = _worked(paths, work, _workers(jobs, cluster), resume, out, force, finished)
     else:
         made = _made_again(out, force, finished)
     _end(made, out, slope)
@@ -112,13 +112,13 @@ def _made_again(out: str, force: bool, finished: Callable[..., Report]) -> Repor
 def _worked(
     paths: list[str],
     work: Options,
-    engine: Callable[[int], Engine],
+    workers: Callable[[int], Workers],
     resume: bool,
     out: str,
     force: bool,
     finished: Callable[..., Report],
 ) -> Report:
-    """The report of logs that are worked on now. engine: for a number of logs."""
+    """The report of logs that are worked on now. workers: for a number of logs."""
     from roadlog.report.run import output_folder, run
     from roadlog.report.sources import LOG_SUFFIXES, SOURCE_SUFFIXES, find
 
@@ -131,7 +131,7 @@ def _worked(
             sources,
             work,
             folder,
-            lambda: engine(len(sources)),
+            lambda: workers(len(sources)),
             resume=resume,
             begun=progress.begin,
             progress=progress.add,
@@ -139,13 +139,13 @@ def _worked(
         return finished(rows, work, folder, done_before=before)
 
 
-def _engine(jobs: int | None, cluster: str | None) -> Callable[[int], Engine]:
+def _workers(jobs: int | None, cluster: str | None) -> Callable[[int], Workers]:
     """What starts the workers for a number of logs."""
     from roadlog.report import batch
 
     if cluster:
-        return lambda _logs: batch.cluster_engine(cluster, console.complain)
-    return lambda logs: batch.local_engine(min(jobs or batch.default_jobs(), logs))
+        return lambda _logs: batch.cluster_workers(cluster, console.complain)
+    return lambda logs: batch.local_workers(min(jobs or batch.default_jobs(), logs))
 
 
 def _options(

@@ -34,7 +34,7 @@ class LinearModel:
 
 
 @dataclass(frozen=True)
-class Track:
+class StateTrack:
     """States x (N, n) and covariances P (N, n, n)."""
 
     x: Floats
@@ -45,17 +45,19 @@ class Track:
         return np.sqrt(self.P[:, state, state])
 
 
-def kalman_filter(model: LinearModel, engine: Engine = "compiled") -> Track:
+def kalman_filter(model: LinearModel, engine: Engine = "compiled") -> StateTrack:
     """Filtered states: each step from all measurements up to it."""
     if engine == "reference":
         return _filter_reference(model)
     n = len(model.x0)
-    track = Track(np.empty((len(model.z), n)), np.empty((len(model.z), n, n)))
+    track = StateTrack(np.empty((len(model.z), n)), np.empty((len(model.z), n, n)))
     _filter(*_arrays(model), track.x, track.P, np.empty((n, n)))
     return track
 
 
-def rts_smoother(model: LinearModel, filtered: Track, engine: Engine = "compiled") -> Track:
+def rts_smoother(
+    model: LinearModel, filtered: StateTrack, engine: Engine = "compiled"
+) -> StateTrack:
     """Smoothed states: each step from all measurements (Rauch, Tung, Striebel 1965).
 
     They take the place of `filtered`, which is used up: hours of covariances need room once.
@@ -230,7 +232,7 @@ def _smooth(
         smooth_step(xs[k], Ps[k], xs[k + 1], Ps[k + 1], prior, work)
 
 
-def _filter_reference(model: LinearModel) -> Track:
+def _filter_reference(model: LinearModel) -> StateTrack:
     from filterpy.kalman import KalmanFilter
 
     x0, P0, F, Q, H, R, u, z = _arrays(model)
@@ -247,10 +249,10 @@ def _filter_reference(model: LinearModel) -> Track:
             kf.dim_z = int(known.sum())
             kf.update(z[k][known].reshape(-1, 1), R=Rk, H=Hk)
         xs[k], Ps[k] = kf.x[:, 0], kf.P
-    return Track(xs, Ps)
+    return StateTrack(xs, Ps)
 
 
-def _smooth_reference(model: LinearModel, filtered: Track) -> Track:
+def _smooth_reference(model: LinearModel, filtered: StateTrack) -> StateTrack:
     # filterpy's rts_smoother knows no input u, hence plain NumPy
     _, _, F, Q, _, _, u, _ = _arrays(model)
     xs, Ps = filtered.x.copy(), filtered.P.copy()
@@ -261,4 +263,4 @@ def _smooth_reference(model: LinearModel, filtered: Track) -> Track:
         C = filtered.P[k] @ Fk.T @ np.linalg.inv(P_prior)
         xs[k] += C @ (xs[k + 1] - x_prior)
         Ps[k] += C @ (Ps[k + 1] - P_prior) @ C.T
-    return Track(xs, Ps)
+    return StateTrack(xs, Ps)

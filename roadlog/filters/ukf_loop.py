@@ -36,7 +36,7 @@ class Tuning(NamedTuple):
     P0: Floats
 
 
-class Track(NamedTuple):
+class UkfTrack(NamedTuple):
     """x (n, states): posterior; sd (n, outputs): what the model's `spread` makes of the
     covariance; repaired (n,): a covariance was not positive definite."""
 
@@ -67,7 +67,7 @@ def register(model: type, equations: Equations) -> None:
 
 def track(
     model: Any, z: Floats, start: Floats, frozen: Bools, tune: Tuning, engine: Engine
-) -> Track:
+) -> UkfTrack:
     """Filter one run without gaps.
 
     z (n, rows): measured, NaN where not measured or not used. start (n, m): the first m states to
@@ -81,7 +81,7 @@ def track(
     sizes = padded(max(states, m)), padded(2 * states + 1)
     z, start = np.ascontiguousarray(z), np.ascontiguousarray(start)
     x, repaired = _compiled(model, z, start, frozen, tune, equations.angle, sd, *sizes)
-    return Track(x, sd, repaired)
+    return UkfTrack(x, sd, repaired)
 
 
 def _process(model: Any, x: Floats, k: int, y: Floats) -> None:
@@ -195,7 +195,7 @@ def _compiled(
 
 def _reference(
     model: Any, equations: Equations, z: Floats, start: Floats, frozen: Bools, tune: Tuning
-) -> Track:
+) -> UkfTrack:
     n, states = len(z), len(tune.P0)
     xs, sd = np.empty((n, states)), np.empty((n, equations.outputs))
     x, P = np.zeros(states), np.diag(tune.P0)
@@ -230,4 +230,4 @@ def _reference(
                 keep_upright(ukf.x, ukf.P, angle, tune.P0[angle])
         xs[k] = ukf.x
         equations.spread(model, np.asarray(ukf.P), sd[k])
-    return Track(xs, sd, np.zeros(n, np.bool_))
+    return UkfTrack(xs, sd, np.zeros(n, np.bool_))

@@ -16,10 +16,10 @@ from roadlog.errors import ConfigError, LogReadError, near
 from roadlog.filters.correlate import correlate
 from roadlog.filters.lowpass import gaussian_mean
 from roadlog.ingest.grid import Signals
-from roadlog.motion.lag import Track, shift
+from roadlog.motion.lag import SpeedTrack, shift
 from roadlog.types import Floats, Stamps
 
-RATE = 20.0  # Hz, grid of the correlation
+GRID_RATE = 20.0  # Hz, grid of the correlation
 SMOOTH = 0.4  # s, sd of the kernel over accelerations: engine and road shake them, not speed
 SLOW = 8.0  # s, sd of the kernel whose mean is taken off: gravity on a grade, biases
 HOLE = 3.0  # s between samples; across a longer one nothing is known
@@ -32,7 +32,7 @@ FINE = 2.0  # s about the speeds' answer, where the acceleration is looked at
 MAX_OFFSET = 10.0  # s; more must be told
 ZONE = 900.0  # s, step of the world's time zones
 MAX_ZONE = 14 * 3600.0  # s
-LONGEST = 48 * 3600.0  # s of a recording whose clock can be compared
+MAX_RECORDING = 48 * 3600.0  # s of a recording whose clock can be compared
 SECOND = 1_000_000_000  # ns
 
 
@@ -69,15 +69,15 @@ class Group:
 class _Side:
     """What one recording has to compare: a speed, or an acceleration.
 
-    start: ns, of the grid and of the track's times. band: acceleration on a grid of RATE, without
-    what is slower or faster than the car; speed: on the grid, where it is one. NaN where unknown.
+    start: ns, of the grid and of the track's times. band: acceleration at GRID_RATE, without what
+    is slower or faster than the car; speed: on the grid, where it is one. NaN where unknown.
     track: the same at its own stamps.
     """
 
     start: int
     band: Floats
     speed: Floats | None
-    track: Track
+    track: SpeedTrack
 
 
 def merged(groups: Sequence[Group], fixed: Mapping[str, float]) -> tuple[Signals, list[str]]:
@@ -213,8 +213,8 @@ def _speed(signals: Signals) -> _Side | None:
         gridded = _uniform(time, np.abs(values))
         if gridded is not None:
             start, speed = gridded
-            track = Track.of_speed(np.multiply(time - start, 1e-9), np.abs(values))
-            return _Side(start, _banded(np.gradient(speed) * RATE), speed, track)
+            track = SpeedTrack.of_speed(np.multiply(time - start, 1e-9), np.abs(values))
+            return _Side(start, _banded(np.gradient(speed) * GRID_RATE), speed, track)
     return None
 
 
@@ -226,12 +226,12 @@ def _acceleration(signals: Signals) -> _Side | None:
     if gridded is None:
         return None
     start, acceleration = gridded
-    track = Track.of_acceleration(np.multiply(time - start, 1e-9), values)
+    track = SpeedTrack.of_acceleration(np.multiply(time - start, 1e-9), values)
     return _Side(start, _banded(acceleration), None, track)
 
 
 def _uniform(time: Stamps, values: Floats) -> tuple[int, Floats] | None:
-    """Start in ns and means of the samples in each cell of RATE, short holes interpolated."""
+    """Start in ns and means of the samples in each cell of GRID_RATE, short holes interpolated."""
     known = np.isfinite(values)
     time, values = time[known], values[known]
     if len(time) < MIN_OVERLAP:
@@ -239,11 +239,11 @@ def _uniform(time: Stamps, values: Floats) -> tuple[int, Floats] | None:
     order = np.argsort(time, kind="stable")
     time, values = time[order], values[order]
     start = int(time[0])
-    if int(time[-1]) - start > LONGEST * 1e9:
+    if int(time[-1]) - start > MAX_RECORDING * 1e9:
         return None  # a clock jumped
     own = (time - start) * 1e-9
-    grid = np.arange(int(own[-1] * RATE) + 1) / RATE
-    cell = np.minimum(np.rint(own * RATE).astype(np.int64), len(grid) - 1)
+    grid = np.arange(int(own[-1] * GRID_RATE) + 1) / GRID_RATE
+    cell = np.minimum(np.rint(own * GRID_RATE).astype(np.int64), len(grid) - 1)
     count = np.bincount(cell, minlength=len(grid))
     there = count > 0
     means = np.bincount(cell, values, len(grid))[there] / count[there]
@@ -260,7 +260,7 @@ def _banded(values: Floats) -> Floats:
 
 
 def _smoothed(values: Floats, width: float) -> Floats:
-    return np.where(np.isfinite(values), gaussian_mean(values, width * RATE)[0], np.nan)
+    return np.where(np.isfinite(values), gaussian_mean(values, width * GRID_RATE)[0], np.nan)
 
 
 def _correlate(ours: _Side, theirs: _Side, by: str, near: float | None) -> Offset | None:
@@ -272,9 +272,9 @@ def _correlate(ours: _Side, theirs: _Side, by: str, near: float | None) -> Offse
     a, b = (side.speed if both and side.speed is not None else side.band for side in (ours, theirs))
     correlation, overlap = _masked(a, b)
     lags = np.arange(len(correlation)) - (len(b) - 1)  # of b in a, in cells
-    seconds = (ours.start - theirs.start) * 1e-9 + lags / RATE
-    shorter = min(np.isfinite(a).sum(), np.isfinite(b).sum()) / RATE
-    possible = overlap / RATE >= max(MIN_OVERLAP, MIN_SHARE * shorter)
+    seconds = (ours.start - theirs.start) * 1e-9 + lags / GRID_RATE
+    shorter = min(np.isfinite(a).sum(), np.isfinite(b).sum()) / GRID_RATE
+    possible = overlap / GRID_RATE >= max(MIN_OVERLAP, MIN_SHARE * shorter)
     if near is not None:
         possible &= np.abs(seconds - near) <= FINE
     if not possible.any():
@@ -283,7 +283,7 @@ def _correlate(ours: _Side, theirs: _Side, by: str, near: float | None) -> Offse
         possible, np.arctanh(np.clip(correlation, -0.999, 0.999)) * np.sqrt(overlap), -np.inf
     )
     best = int(np.argmax(score))
-    elsewhere = np.abs(lags - lags[best]) > APART * RATE
+    elsewhere = np.abs(lags - lags[best]) > APART * GRID_RATE
     second = float(score[elsewhere].max()) if elsewhere.any() else -np.inf
     r = float(correlation[best])
     sure = r >= MIN_CORRELATION and second <= MARGIN * float(score[best])

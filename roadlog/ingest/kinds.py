@@ -46,7 +46,7 @@ _WORD = re.compile(r"[A-Za-z_][\w.]*")
 
 
 @dataclass(frozen=True)
-class Line:
+class RoleFields:
     """One signal of a kind: fields that may hold it, the first that is there counts."""
 
     fields: tuple[str, ...]
@@ -61,7 +61,7 @@ class Kind:
     """One entry of the table; see there. lines: role -> where it is."""
 
     types: tuple[str, ...]
-    lines: Mapping[str, Line]
+    lines: Mapping[str, RoleFields]
     frame: str = ""
     topic: str = ""
     when: str = ""
@@ -85,7 +85,7 @@ class Meaning:
     role: str
     frame: Frame
     column: str
-    line: Line
+    line: RoleFields
     kind: Kind
     doubt: str = ""
 
@@ -112,13 +112,13 @@ def table() -> tuple[Kind, ...]:
     return tuple(result)
 
 
-def _line(value: Any) -> Line:
+def _line(value: Any) -> RoleFields:
     if isinstance(value, str):
         match = _UNIT.match(value)
         assert match is not None, value
         value = {"from": match[1], "unit": match[2]}
     rest = {key: value[key] for key in ("unit", "scale", "offset", "valid") if key in value}
-    return Line(tuple(name.strip() for name in value["from"].split(" | ")), **rest)
+    return RoleFields(tuple(name.strip() for name in value["from"].split(" | ")), **rest)
 
 
 def wants(type_: str, column: str) -> bool:

@@ -22,7 +22,7 @@ from roadlog.toml import text as toml_text
 from roadlog.types import Floats
 
 NAME = "message types"  # of the profile
-MOVING = 3.0  # m/s
+DIRECTED_SPEED = 3.0  # m/s
 STRAIGHT = 0.05  # rad/s, yaw rate below which smoothed tracks are as long as the path
 RADIUS = (0.15, 0.7)  # m, of wheels that roll on roads
 
@@ -77,7 +77,12 @@ def _radius(
             straight = np.abs(evidence.smooth(evidence.course_rate, TRACK_WIDTH)) < STRAIGHT
             references["the positions"] = np.where(straight, evidence.track[0], np.nan)
         for name, speed in references.items():
-            moving = np.isfinite(speed) & np.isfinite(turning) & (speed > MOVING) & (turning > 1.0)
+            moving = (
+                np.isfinite(speed)
+                & np.isfinite(turning)
+                & (speed > DIRECTED_SPEED)
+                & (turning > 1.0)
+            )
             if moving.sum() < 50:
                 continue
             radius = float(np.median(speed[moving] / turning[moving]))

@@ -21,7 +21,7 @@ from roadlog.once import once
 from roadlog.signals import AXES, WHEELS
 from roadlog.types import Floats
 
-RATE = 10.0  # Hz, of the comparison
+EVIDENCE_RATE = 10.0  # Hz, of the comparison
 FAST, SLOW = 0.5, 4.0  # s, sd of the two Gaussian windows whose difference is the band
 MIN_WEIGHT = 0.5  # share of a window that must be known
 MAX_LAG = 20.0  # s, searched between two clocks
@@ -29,8 +29,8 @@ NEAR_LAG = 1.0  # s, of sensors and filters: searched first
 AS_GOOD = 0.9  # of the best correlation: of peaks as good, the one nearest to no lag counts
 TRACK_WIDTH = 1.0  # s, sd of the smoothing of positions before they are differentiated
 MIN_OVERLAP = 20.0  # s that two signals must share at a lag
-BLOCK = 60.0  # s, of a lag estimate of its own
-MOVING = 3.0  # m/s; below it a course means nothing
+LAG_BLOCK = 60.0  # s, of a lag estimate of its own
+COURSE_SPEED = 3.0  # m/s; below it a course means nothing
 SIGNIFICANT = 4.0  # sd of Fisher's z
 
 
@@ -69,7 +69,7 @@ class Evidence:
     @staticmethod
     def block(values: Floats, rate: float) -> Floats:
         """One more signal of `rate` Hz, as `of` does it."""
-        return _block_mean(values, max(1, round(rate / RATE)))
+        return _block_mean(values, max(1, round(rate / EVIDENCE_RATE)))
 
     def __contains__(self, role: str) -> bool:
         return role in self.signals
@@ -102,7 +102,7 @@ class Evidence:
         east, north = plane.forward(latitude, longitude)
         v_north, v_east = (self.slope(self.smooth(x, TRACK_WIDTH)) for x in (north, east))
         speed = np.hypot(v_north, v_east)
-        course = np.where(speed > MOVING, np.arctan2(v_north, v_east), np.nan)
+        course = np.where(speed > COURSE_SPEED, np.arctan2(v_north, v_east), np.nan)
         return speed, course
 
     def speeds(self) -> dict[str, Floats]:
@@ -138,7 +138,9 @@ class Evidence:
         x, y = shifted(other, late, shift)
         both = np.isfinite(x) & np.isfinite(y)
         ratio = float(np.std(x[both]) / np.std(y[both])) if np.std(y[both]) > 0 else np.nan
-        own = [found for _, found, r_own in self.block_lags(other, late, BLOCK) if r_own * sign > 0]
+        own = [
+            found for _, found, r_own in self.block_lags(other, late, LAG_BLOCK) if r_own * sign > 0
+        ]
         spread = 1.4826 * float(np.median(np.abs(np.array(own) - np.median(own)))) if own else 0.0
         sd = spread / np.sqrt(len(own)) if len(own) > 2 else np.nan
         return Lag(found, float(sd), float(r[peak]), ratio)
@@ -233,7 +235,7 @@ def shifted(x: Floats, y: Floats, shift: int) -> tuple[Floats, Floats]:
 
 @once
 def _evidence(drive: Drive) -> Evidence:
-    size = max(1, round(drive.rate / RATE))
+    size = max(1, round(drive.rate / EVIDENCE_RATE))
     means = {role: _block_mean(x, size) for role, x in drive.signals.items()}
     return Evidence(drive.rate / size, means)
 

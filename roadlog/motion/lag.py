@@ -26,27 +26,29 @@ BLOCKS = (8.0, 16.0, 32.0)  # s; sums over these lengths are taken for independe
 MIN_BLOCKS = 4
 ROUNDS = 50  # of the spline's equations; each halves what is left of the error
 NORMAL = 1.96  # sd, 97.5 % point of the normal distribution
-LONGEST = 3600.0  # s of the recordings that are compared: an hour tells a clock to a millisecond
+MAX_COMPARED = (
+    3600.0  # s of the recordings that are compared: an hour tells a clock to a millisecond
+)
 NEAR = 2.0  # s about the first answer, where the equation may have its root
 STEPS = 20  # of Newton's method
 CONVERGED = 1e-5  # s
 
 
 @dataclass(frozen=True)
-class Track:
+class SpeedTrack:
     """A speed over time, up to a constant in each run: its times in s, ascending, and m/s."""
 
     time: Floats
     value: Floats
 
     @classmethod
-    def of_speed(cls, time: Floats, speed: Floats) -> Track:
+    def of_speed(cls, time: Floats, speed: Floats) -> SpeedTrack:
         """Of the known samples of a speed."""
         known = np.isfinite(speed)
         return cls(*_once(time[known], speed[known]))
 
     @classmethod
-    def of_acceleration(cls, time: Floats, accel: Floats) -> Track:
+    def of_acceleration(cls, time: Floats, accel: Floats) -> SpeedTrack:
         """Of the known samples of an acceleration, by the trapezoidal rule."""
         known = np.isfinite(accel)
         time, accel = _once(time[known], accel[known])
@@ -63,10 +65,10 @@ class Track:
         """s, step from which nothing is known between two samples."""
         return max(HOLE, HOLE_INTERVALS * self.interval)
 
-    def between(self, start: float, end: float) -> Track:
+    def between(self, start: float, end: float) -> SpeedTrack:
         """The part in [start, end]."""
         part = slice(*np.searchsorted(self.time, (start, end)))
-        return Track(self.time[part], self.value[part])
+        return SpeedTrack(self.time[part], self.value[part])
 
 
 @dataclass(frozen=True)
@@ -79,14 +81,14 @@ class Shift:
     interval: float
 
 
-def shift(reference: Track, other: Track, near: float) -> Shift | None:
+def shift(reference: SpeedTrack, other: SpeedTrack, near: float) -> Shift | None:
     """The shift of `other` that makes the two agree, within NEAR of a first answer [s].
 
     None where they share too little, or where the equation has no root there.
     """
     start = max(reference.time[0], other.time[0] + near) if len(other.time) else 0.0
-    reference = reference.between(start - NEAR, start + LONGEST)
-    other = other.between(start - near - NEAR, start - near + LONGEST)
+    reference = reference.between(start - NEAR, start + MAX_COMPARED)
+    other = other.between(start - near - NEAR, start - near + MAX_COMPARED)
     if min(len(reference.time), len(other.time)) < 4:
         return None
     if other.interval >= reference.interval:
@@ -104,7 +106,7 @@ class Spline:
     bend: Floats
 
     @classmethod
-    def through(cls, track: Track) -> Spline:
+    def through(cls, track: SpeedTrack) -> Spline:
         """Of all samples."""
         step = np.diff(track.time)
         rate = np.diff(track.value) / step
@@ -131,7 +133,7 @@ class _Equation:
     Stamps denser than CELL are taken together, as means of both signals over the same stamps.
     """
 
-    def __init__(self, fast: Track, slow: Track) -> None:
+    def __init__(self, fast: SpeedTrack, slow: SpeedTrack) -> None:
         self.size = max(1, round(CELL / slow.interval))
         self.stamps = slow.time[: len(slow.time) // self.size * self.size]
         self.interval = slow.interval
@@ -229,7 +231,7 @@ def _student(freedom: int) -> float:
     return sum(term / freedom**k for k, term in enumerate(terms))
 
 
-def _runs(track: Track) -> NDArray:
+def _runs(track: SpeedTrack) -> NDArray:
     """The number of the run without a hole that each sample belongs to."""
     return np.concatenate([[0], np.cumsum(np.diff(track.time) > track.hole)])
 

@@ -185,7 +185,7 @@ def _available_memory() -> float | None:
 
 
 @dataclass(frozen=True)
-class Engine:
+class Workers:
     """Where the work is done. window: tasks on their way at a time. idle: see `map_logs`."""
 
     executor: Executor
@@ -194,15 +194,15 @@ class Engine:
     close: Callable[[], None]
 
 
-def local_engine(jobs: int) -> Engine:
+def local_workers(jobs: int) -> Workers:
     """`jobs` processes of this machine, each with one thread for linear algebra."""
     for name in THREAD_LIMITS:
         os.environ.setdefault(name, "1")  # processes that are started inherit it
     pool = LocalPool(jobs)
-    return Engine(pool, jobs, lambda: None, lambda: pool.shutdown(wait=False, cancel_futures=True))
+    return Workers(pool, jobs, lambda: None, lambda: pool.shutdown(wait=False, cancel_futures=True))
 
 
-def cluster_engine(address: str, say: Callable[[str], None]) -> Engine:
+def cluster_workers(address: str, say: Callable[[str], None]) -> Workers:
     """A dask cluster by the address of its scheduler. Raises RoadlogError, MissingExtraError."""
     try:
         from distributed import Client
@@ -227,4 +227,4 @@ def cluster_engine(address: str, say: Callable[[str], None]) -> Engine:
 
     executor = client.get_executor(pure=False)
     window = CLUSTER_WINDOW * max(threads, 1)
-    return Engine(executor, window, look, client.close)
+    return Workers(executor, window, look, client.close)

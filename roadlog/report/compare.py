@@ -10,7 +10,7 @@ from pathlib import Path
 from roadlog.csv_text import csv_text
 from roadlog.files import write
 from roadlog.report.row import STATUSES
-from roadlog.report.table import Row
+from roadlog.report.table import TableRow
 from roadlog.signals import ANGLES
 
 DEFAULT_THRESHOLD = 0.10  # of the RMSE before
@@ -61,8 +61,8 @@ class Comparison:
 
 
 def compare(
-    rows: Sequence[Row],
-    others: Mapping[str, Row],
+    rows: Sequence[TableRow],
+    others: Mapping[str, TableRow],
     other: str,
     threshold: float = DEFAULT_THRESHOLD,
 ) -> Comparison:
@@ -115,7 +115,9 @@ def _badness(change: Change) -> tuple[bool, bool, float]:
     return change.worse, not known, size if change.worse else -size
 
 
-def _matched(rows: Sequence[Row], others: Mapping[str, Row]) -> list[tuple[Row, Row]]:
+def _matched(
+    rows: Sequence[TableRow], others: Mapping[str, TableRow]
+) -> list[tuple[TableRow, TableRow]]:
     here = Counter(row["name"] for row in rows)
     there = Counter(row["name"] for row in others.values())
     by_name = {row["name"]: row for row in others.values() if there[row["name"]] == 1}

@@ -25,7 +25,7 @@ ANGLE_DIGITS = 3  # of degrees
 POSITION_DIGITS = 6  # of degrees: 0.1 m
 
 
-class Detail:
+class DetailPage:
     """What a detail page shows of one log; estimates are added one by one and not kept."""
 
     def __init__(self, drive: Drive, truth: Estimate | None) -> None:

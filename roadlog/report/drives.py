@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from roadlog import estimators
 from roadlog.errors import RoadlogError
 from roadlog.log import DriveLog
-from roadlog.report.sources import Source, local_copy
+from roadlog.report.sources import FoundLog, local_copy
 from roadlog.roads.passes import Pass, pass_of
 
 
@@ -22,7 +22,7 @@ class Driven:
     losses: tuple[str, ...] = ()
 
 
-def driven(sources: Sequence[Source], estimator: str) -> Iterator[Driven]:
+def driven(sources: Sequence[FoundLog], estimator: str) -> Iterator[Driven]:
     """The pass of each log, one log in memory at a time; a log that cannot be used says why."""
     for source in sources:
         try:

@@ -19,7 +19,7 @@ from roadlog.errors import ConfigError
 from roadlog.files import write
 from roadlog.report.detail import numbers, script_json
 from roadlog.report.row import STATUSES, Options
-from roadlog.report.table import Row
+from roadlog.report.table import TableRow
 from roadlog.signals import ANGLES, SLOPES
 from roadlog.version import __version__
 from roadlog.view import colors
@@ -67,7 +67,7 @@ def detail_page(name: str, data: str) -> str:
     return _template("detail.html.j2").render(title=_unicode(name), data=data)
 
 
-def ranking(rows: Sequence[Row], slope: str = "deg") -> dict[str, list[dict[str, Any]]]:
+def ranking(rows: Sequence[TableRow], slope: str = "deg") -> dict[str, list[dict[str, Any]]]:
     """angle -> estimators, the one with the smallest median RMSE first. slope: unit of the RMSE of
     grade and bank, deg or percent."""
     result: dict[str, list[dict[str, Any]]] = {}
@@ -95,7 +95,7 @@ def ranking(rows: Sequence[Row], slope: str = "deg") -> dict[str, list[dict[str,
 
 def write_index(
     folder: Path,
-    rows: Sequence[Row],
+    rows: Sequence[TableRow],
     options: Options,
     profile: RoadProfile | None = None,
     comparison: Comparison | None = None,
@@ -139,20 +139,20 @@ def write_index(
     write(folder / (ONE_FILE if one_file else INDEX), page)
 
 
-def _shown(rows: Sequence[Row], ranked: Mapping[str, list]) -> Sequence[Row]:
+def _shown(rows: Sequence[TableRow], ranked: Mapping[str, list]) -> Sequence[TableRow]:
     if len(rows) <= PAGE_LOGS:
         return rows
     angle = next(iter(ranked), "")
     best = ranked[angle][0]["estimator"] if angle else ""
 
-    def badness(row: Row) -> tuple[int, float]:
+    def badness(row: TableRow) -> tuple[int, float]:
         rmse = row["angles"].get(best, {}).get(angle, {}).get("rmse_deg")
         return STATUSES.index(row["status"]), -1.0 if rmse is None else rmse
 
     return sorted(rows, key=badness, reverse=True)[:PAGE_LOGS]
 
 
-def _data(rows: Sequence[Row], ranked: Mapping[str, list], left_out: int) -> dict[str, Any]:
+def _data(rows: Sequence[TableRow], ranked: Mapping[str, list], left_out: int) -> dict[str, Any]:
     """The index's data, column by column: texts that repeat are numbers into a list."""
     vehicles = sorted({_unicode(row["vehicle"]) for row in rows})
     roads = sorted({_unicode(row["road"]) for row in rows})
@@ -192,7 +192,7 @@ def _data(rows: Sequence[Row], ranked: Mapping[str, list], left_out: int) -> dic
     }
 
 
-def _roads(profile: RoadProfile, rows: Sequence[Row]) -> list[dict[str, Any]]:
+def _roads(profile: RoadProfile, rows: Sequence[TableRow]) -> list[dict[str, Any]]:
     """The longest stretches, thinned to POINTS in all; drives: of each, by their row."""
     row_of = {row["log"]: k for k, row in enumerate(rows)}
     models = profile.models[:SHOWN_ROADS]
@@ -235,7 +235,7 @@ def _roads_in_words(profile: RoadProfile) -> dict[str, Any]:
     }
 
 
-def _facts(rows: Sequence[Row]) -> list[tuple[str, str, str]]:
+def _facts(rows: Sequence[TableRow]) -> list[tuple[str, str, str]]:
     counts = {status: sum(row["status"] == status for row in rows) for status in STATUSES}
     hours = sum(row["duration_s"] or 0.0 for row in rows) / 3600
     km = sum(row["distance_m"] or 0.0 for row in rows) / 1000
@@ -277,7 +277,7 @@ def _versions(options: Options) -> list[tuple[str, str]]:
     ]
 
 
-def _parameters(rows: Sequence[Row]) -> str:
+def _parameters(rows: Sequence[TableRow]) -> str:
     """The estimators' parameters as they were, by name."""
     from roadlog import estimators
 

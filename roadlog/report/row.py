@@ -22,12 +22,11 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.details import field_errors, true_details
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError, RoadlogError
-from roadlog.estimate import Detail as Channel
-from roadlog.estimate import Estimate
+from roadlog.estimate import Detail, Estimate
 from roadlog.log import DriveLog
 from roadlog.metrics import DEFAULT_SKIP, angle_errors, angle_metrics
-from roadlog.report.detail import Detail
-from roadlog.report.sources import Source, local_copy, put_back
+from roadlog.report.detail import DetailPage
+from roadlog.report.sources import FoundLog, local_copy, put_back
 from roadlog.roads.passes import Pass, pass_of
 from roadlog.signals import ANGLES, FLAGS, INPUTS, TRUTH_TOPIC
 from roadlog.storage import Table
@@ -77,7 +76,7 @@ class _Opened:
     metadata: Mapping[str, Mapping[str, str]]
     losses: list[str]
     log: DriveLog | None
-    true_details: Mapping[str, Channel] = field(default_factory=dict)
+    true_details: Mapping[str, Detail] = field(default_factory=dict)
 
 
 @dataclass
@@ -85,14 +84,14 @@ class _Work:
     """What accumulates while a log is worked on, so that a failure keeps what came before it."""
 
     row: dict[str, Any]
-    detail: Detail | None = None
+    detail: DetailPage | None = None
     passes: Pass | None = None
     kept: list[Estimate] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
     traceback: str = ""
 
 
-def key_of(source: Source, options: Options) -> str:
+def key_of(source: FoundLog, options: Options) -> str:
     """Two runs with the same key would give the same row."""
     text = json.dumps([source.url, source.size, source.stamp, options.digest])
     return hashlib.sha256(text.encode()).hexdigest()[:32]
@@ -103,7 +102,7 @@ def detail_name(url: str) -> str:
     return hashlib.sha256(url.encode("utf-8", "surrogateescape")).hexdigest()[:20]
 
 
-def empty_row(source: Source, options: Options) -> dict[str, Any]:
+def empty_row(source: FoundLog, options: Options) -> dict[str, Any]:
     """A row before anything is known of the log."""
     return {
         "log": source.url,
@@ -140,7 +139,7 @@ def empty_row(source: Source, options: Options) -> dict[str, Any]:
 
 
 def lost_row(
-    source: Source, options: Options, status: str, error: BaseException, text: str = ""
+    source: FoundLog, options: Options, status: str, error: BaseException, text: str = ""
 ) -> dict[str, Any]:
     """The row of a log that no worker could finish."""
     return {**empty_row(source, options), "status": status, "message": text or one_line(error)}
@@ -154,7 +153,7 @@ def one_line(error: BaseException) -> str:
     return text if len(text) <= MAX_MESSAGE else text[: MAX_MESSAGE - 3] + "..."
 
 
-def run_log(source: Source, options: Options) -> LogResult:
+def run_log(source: FoundLog, options: Options) -> LogResult:
     """Read, estimate, evaluate and reduce one log; an error becomes a row that says so."""
     started, cpu = time.perf_counter(), time.process_time()
     work = _Work(empty_row(source, options))
@@ -185,7 +184,7 @@ def run_log(source: Source, options: Options) -> LogResult:
     return LogResult(row, detail, work.passes.to_bytes() if work.passes is not None else b"")
 
 
-def _work_on(path: Path, source: Source, options: Options, work: _Work) -> None:
+def _work_on(path: Path, source: FoundLog, options: Options, work: _Work) -> None:
     row, seconds = work.row, work.row["seconds"]
     clock = time.perf_counter()
     opened = _open(path, options)
@@ -199,7 +198,7 @@ def _work_on(path: Path, source: Source, options: Options, work: _Work) -> None:
     table = opened.tables.get(TRUTH_TOPIC)
     truth = Estimate.from_table(table, drive.start_ns) if table is not None and len(table) else None
     seconds["read"] = time.perf_counter() - clock
-    work.detail = Detail(drive, truth)
+    work.detail = DetailPage(drive, truth)
     seconds["estimate"] = seconds["evaluate"] = 0.0
     for name in _chosen(drive, options, row):
         clock = time.perf_counter()
@@ -319,7 +318,7 @@ def _says_more(estimate: Estimate, road: Pass | None) -> bool:
     return road.estimator != PREFERRED and not has_bank and "bank" in estimate.known
 
 
-def _reduce_details(estimate: Estimate, truths: Mapping[str, Channel], work: _Work) -> None:
+def _reduce_details(estimate: Estimate, truths: Mapping[str, Detail], work: _Work) -> None:
     """Figures, SI, and curves of further channels that have a truth."""
     figures = {}
     for errors in field_errors(estimate.details, truths, estimate):

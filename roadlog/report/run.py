@@ -12,7 +12,7 @@ from pathlib import Path
 from roadlog.errors import LogReadError, LogWriteError
 from roadlog.files import write
 from roadlog.report import page, schema, table
-from roadlog.report.batch import Engine, Outcome, WorkerDiedError, map_logs
+from roadlog.report.batch import Outcome, WorkerDiedError, Workers, map_logs
 from roadlog.report.compare import COMPARISON, Comparison, compare
 from roadlog.report.road import RoadProfile, merged
 from roadlog.report.row import (
@@ -23,8 +23,8 @@ from roadlog.report.row import (
     lost_row,
     run_log,
 )
-from roadlog.report.sources import Source, download_report, is_remote, names_below, upload_report
-from roadlog.report.table import Row
+from roadlog.report.sources import FoundLog, download_report, is_remote, names_below, upload_report
+from roadlog.report.table import TableRow
 from roadlog.roads.passes import Pass
 from roadlog.scratch import scratch
 
@@ -44,7 +44,7 @@ OURS = frozenset(
 class Report:
     """What came of a report. rows: one a log. done_before: of them, taken from an earlier run."""
 
-    rows: list[Row]
+    rows: list[TableRow]
     done_before: int
     profile: RoadProfile
     comparison: Comparison | None
@@ -101,19 +101,19 @@ def _claim(out: str, there: Collection[str], force: bool) -> None:
 
 
 def run(
-    sources: Sequence[Source],
+    sources: Sequence[FoundLog],
     options: Options,
     folder: Path,
-    engine: Callable[[], Engine],
+    workers: Callable[[], Workers],
     *,
     resume: bool = False,
     begun: Callable[[int, int], None] = lambda _done, _todo: None,
-    progress: Callable[[Row], None] = lambda _: None,
-) -> tuple[list[Row], int]:
+    progress: Callable[[TableRow], None] = lambda _: None,
+) -> tuple[list[TableRow], int]:
     """Work on every log that is not done yet: its row in order of the sources, and how many were.
 
     resume: keep the rows of an earlier run whose log, parameters and version are the same. begun
-    and progress tell of it. Raises LogWriteError, and what `engine` raises.
+    and progress tell of it. Raises LogWriteError, and what `workers` raises.
     """
     done = _kept(folder, sources, options) if resume else {}
     todo = [source for source in sources if source.url not in done]
@@ -123,7 +123,7 @@ def run(
         _forget(folder, keep=done)
         write(folder / OPTIONS, json.dumps(asdict(options), indent=1))
         if todo:
-            for row in _work(todo, options, folder, engine()):
+            for row in _work(todo, options, folder, workers()):
                 rows[row["log"]] = row
                 progress(row)
     except OSError as error:
@@ -132,7 +132,7 @@ def run(
 
 
 def finish(
-    rows: list[Row],
+    rows: list[TableRow],
     options: Options,
     folder: Path,
     *,
@@ -165,7 +165,7 @@ def finish(
     return Report(rows, done_before, profile, comparison)
 
 
-def read_report(where: str) -> dict[str, Row]:
+def read_report(where: str) -> dict[str, TableRow]:
     """Rows of a finished report by log. Raises LogReadError when there is none."""
     if is_remote(where):
         with scratch() as folder:
@@ -187,11 +187,13 @@ def read_options(folder: Path) -> Options:
         raise LogReadError(f"{path}: cannot tell how the report was made: {error}") from error
 
 
-def _work(todo: Sequence[Source], options: Options, folder: Path, engine: Engine) -> Iterator[Row]:
+def _work(
+    todo: Sequence[FoundLog], options: Options, folder: Path, workers: Workers
+) -> Iterator[TableRow]:
     """Rows as they come, each with its page and pass on disk before it is."""
     try:
         outcomes = map_logs(
-            partial(run_log, options=options), todo, engine.executor, engine.window, engine.idle
+            partial(run_log, options=options), todo, workers.executor, workers.window, workers.idle
         )
         with closing(outcomes), (folder / table.ROWS).open("a", encoding="utf-8") as file:
             for outcome in outcomes:
@@ -205,10 +207,10 @@ def _work(todo: Sequence[Source], options: Options, folder: Path, engine: Engine
                 table.write_row(file, result.row)
                 yield result.row
     finally:
-        engine.close()
+        workers.close()
 
 
-def _result(outcome: Outcome[Source, LogResult], options: Options) -> LogResult:
+def _result(outcome: Outcome[FoundLog, LogResult], options: Options) -> LogResult:
     if outcome.result is not None:
         return outcome.result
     error = outcome.error or RuntimeError("no result")
@@ -216,14 +218,14 @@ def _result(outcome: Outcome[Source, LogResult], options: Options) -> LogResult:
     return LogResult(lost_row(outcome.item, options, status, error))
 
 
-def _kept(folder: Path, sources: Sequence[Source], options: Options) -> dict[str, Row]:
+def _kept(folder: Path, sources: Sequence[FoundLog], options: Options) -> dict[str, TableRow]:
     """Rows of an earlier run that would come out the same."""
     rows = table.read_rows(folder)
     keys = {source.url: key_of(source, options) for source in sources}
     return {url: row for url, row in rows.items() if row["key"] == keys.get(url)}
 
 
-def _forget(folder: Path, keep: dict[str, Row]) -> None:
+def _forget(folder: Path, keep: dict[str, TableRow]) -> None:
     """Begin the rows with those that are kept; what an earlier run left of others goes."""
     try:
         old = table.read_rows(folder)
@@ -235,7 +237,7 @@ def _forget(folder: Path, keep: dict[str, Row]) -> None:
         (folder / PASSES / f"{detail_name(url)}.npz").unlink(missing_ok=True)
 
 
-def _passes(folder: Path, rows: Sequence[Row]) -> Iterator[Pass]:
+def _passes(folder: Path, rows: Sequence[TableRow]) -> Iterator[Pass]:
     """Every pass of the report's logs, in the order of their paths."""
     for row in rows:
         path = folder / PASSES / f"{detail_name(row['log'])}.npz"

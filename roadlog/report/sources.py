@@ -27,7 +27,7 @@ FIRST_WAIT = 0.5  # s before the second try, doubled for each further one
 
 
 @dataclass(frozen=True)
-class Source:
+class FoundLog:
     """One log.
 
     url: local path or URL. name: the same relative to the PATH under which it was found. size:
@@ -45,13 +45,13 @@ def is_remote(path: str | Path) -> bool:
     return "://" in str(path)
 
 
-def find(paths: Iterable[str], suffixes: Sequence[str] = LOG_SUFFIXES) -> list[Source]:
+def find(paths: Iterable[str], suffixes: Sequence[str] = LOG_SUFFIXES) -> list[FoundLog]:
     """Every log under the given files, folders, globs and URLs, once each, in order of its path.
 
     Raises LogReadError when a path does not exist or there is no log at all.
     """
     paths = list(paths)
-    found: dict[str, Source] = {}
+    found: dict[str, FoundLog] = {}
     for path in paths:
         for source in _remote(path, suffixes) if is_remote(path) else _local(path, suffixes):
             found.setdefault(source.url, source)
@@ -62,7 +62,7 @@ def find(paths: Iterable[str], suffixes: Sequence[str] = LOG_SUFFIXES) -> list[S
 
 
 @contextmanager
-def local_copy(source: Source) -> Iterator[Path]:
+def local_copy(source: FoundLog) -> Iterator[Path]:
     """The log as a local file: itself, or a download that is gone afterwards."""
     if not is_remote(source.url):
         yield Path(source.url)
@@ -74,7 +74,7 @@ def local_copy(source: Source) -> Iterator[Path]:
         yield path
 
 
-def put_back(source: Source, path: Path) -> Source:
+def put_back(source: FoundLog, path: Path) -> FoundLog:
     """Store what `local_copy` gave and was changed; the source as it is now.
 
     Raises LogWriteError, also where the object is another one by now; that stays.
@@ -92,7 +92,7 @@ def put_back(source: Source, path: Path) -> Source:
     return _from_info(source.url, source.name, store.info(key))
 
 
-def _put_if_same(store: Any, source: Source, key: str, path: Path) -> bool:
+def _put_if_same(store: Any, source: FoundLog, key: str, path: Path) -> bool:
     """Put on S3 with If-Match: the store itself refuses where the etag is another by now.
 
     False where the store or the size does not allow it. Raises LogWriteError.
@@ -115,7 +115,7 @@ def _put_if_same(store: Any, source: Source, key: str, path: Path) -> bool:
     return True
 
 
-def _local(path: str, suffixes: Sequence[str]) -> Iterator[Source]:
+def _local(path: str, suffixes: Sequence[str]) -> Iterator[FoundLog]:
     if not Path(path).exists():  # a name with brackets in it is a name first, then a pattern
         matches = sorted(glob.glob(path, recursive=True)) if glob.has_magic(path) else []  # noqa: PTH207
         if not matches:
@@ -133,10 +133,10 @@ def _local(path: str, suffixes: Sequence[str]) -> Iterator[Source]:
             status = file.stat()
         except OSError as error:  # a link to nowhere is a log that cannot be read
             name = file.relative_to(root).as_posix()
-            yield Source(str(file), name, 0, error.strerror or "unreadable")
+            yield FoundLog(str(file), name, 0, error.strerror or "unreadable")
             continue
         name = file.relative_to(root).as_posix() if file != root else file.name
-        yield Source(str(file), name, status.st_size, str(status.st_mtime_ns))
+        yield FoundLog(str(file), name, status.st_size, str(status.st_mtime_ns))
 
 
 def _walk(root: Path, suffixes: Sequence[str]) -> Iterator[Path]:
@@ -152,7 +152,7 @@ def _walk(root: Path, suffixes: Sequence[str]) -> Iterator[Path]:
                 yield Path(folder) / name
 
 
-def _remote(url: str, suffixes: Sequence[str]) -> Iterator[Source]:
+def _remote(url: str, suffixes: Sequence[str]) -> Iterator[FoundLog]:
     store, key = _store(url)
     scheme = url.partition("://")[0]
 
@@ -176,10 +176,10 @@ def _remote(url: str, suffixes: Sequence[str]) -> Iterator[Source]:
         yield _from_info(f"{scheme}://{path}", name, info)
 
 
-def _from_info(url: str, name: str, info: dict[str, Any]) -> Source:
+def _from_info(url: str, name: str, info: dict[str, Any]) -> FoundLog:
     keys = ("ETag", "etag", "LastModified", "last_modified", "updated", "mtime")
     stamp = next((str(info[key]).strip('"') for key in keys if info.get(key)), "")
-    return Source(url, name, int(info.get("size") or 0), stamp)
+    return FoundLog(url, name, int(info.get("size") or 0), stamp)
 
 
 def _store(url: str) -> tuple[Any, str]:

@@ -30,16 +30,16 @@ FIGURES = (
     "within_2sd", "nees",
 )  # fmt: skip
 
-Row = dict[str, Any]
+TableRow = dict[str, Any]
 
 
-def read_rows(folder: Path) -> dict[str, Row]:
+def read_rows(folder: Path) -> dict[str, TableRow]:
     """Rows of a report by log; the last of a log counts. Nothing is written.
 
     A last line that a killed run left unfinished does not count. Raises LogReadError.
     """
     path = folder / ROWS
-    rows: dict[str, Row] = {}
+    rows: dict[str, TableRow] = {}
     number = 0
     try:
         with path.open("rb") as file:
@@ -70,7 +70,7 @@ def write_row(file: IO[str], row: Mapping[str, Any]) -> None:
     file.flush()
 
 
-def write_tables(folder: Path, rows: Sequence[Row]) -> None:
+def write_tables(folder: Path, rows: Sequence[TableRow]) -> None:
     """table.* with one row a log and metrics.* with one row a log, estimator and angle.
 
     As CSV and as Parquet.
@@ -90,7 +90,7 @@ def write_tables(folder: Path, rows: Sequence[Row]) -> None:
     _write(folder / METRICS, ["log", "estimator", "angle", *FIGURES, "run_time_s"], long)
 
 
-def _wide(row: Row, pairs: Iterable[tuple[str, str]]) -> Row:
+def _wide(row: TableRow, pairs: Iterable[tuple[str, str]]) -> TableRow:
     wide = {name: row[name] for name in FACTS}
     wide["estimators"] = " ".join(row["estimators"])
     wide |= {f"seconds.{k}": row["seconds"].get(k) for k in ("read", "estimate", "total")}
@@ -104,7 +104,7 @@ def _wide(row: Row, pairs: Iterable[tuple[str, str]]) -> Row:
     return wide
 
 
-def _write(stem: Path, columns: Sequence[str], rows: Sequence[Row]) -> None:
+def _write(stem: Path, columns: Sequence[str], rows: Sequence[TableRow]) -> None:
     import pyarrow as pa
     from pyarrow import parquet
 

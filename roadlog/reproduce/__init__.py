@@ -32,7 +32,7 @@ R = TypeVar("R")
 
 
 @dataclass(frozen=True)
-class Row:
+class ResultRow:
     """One figure: of the paper, of this run, of the documentation; None where there is none.
 
     form: the method as the paper prints it or as it is mended here; empty where there is only one.
@@ -59,7 +59,7 @@ class ResultTable:
     """A table of a paper or of its method's page; settings: what is not the tool's default."""
 
     name: str
-    rows: list[Row]
+    rows: list[ResultRow]
     settings: str = "none"
 
 
@@ -131,16 +131,16 @@ def over_seeds(
     unit: str,
     paper: float | None,
     values: Sequence[float],
-) -> Row:
+) -> ResultRow:
     """Mean and spread of one value a seed."""
     import numpy as np
 
     found = np.asarray(values, np.float64)
     if not len(found) or not np.isfinite(found).all():
-        return Row(case, form, metric, unit, paper, None)
+        return ResultRow(case, form, metric, unit, paper, None)
     spread = float(found.std(ddof=1)) if len(found) > 1 else None
-    return Row(case, form, metric, unit, paper, float(found.mean()), spread)
+    return ResultRow(case, form, metric, unit, paper, float(found.mean()), spread)
 
 
-def _key(row: Row) -> str:
+def _key(row: ResultRow) -> str:
     return " | ".join(part for part in (row.case, row.form, row.metric) if part)

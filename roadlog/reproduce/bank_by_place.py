@@ -30,7 +30,7 @@ DIRECTIONS = ("left", "right")
 
 
 @dataclass(frozen=True)
-class Places:
+class BankPlaces:
     """rad, of the bank as seen by a car that turns left: laps (k, BINS), their truth (BINS,)."""
 
     laps: Floats
@@ -67,7 +67,7 @@ def scenario(direction: str, crawl: bool) -> Scenario:
     return replace(laps, road=replace(laps.road, curvature=bend, waves=waves))
 
 
-def places(direction: str, crawl: bool, seed: int) -> Places:
+def places(direction: str, crawl: bool, seed: int) -> BankPlaces:
     """The printed observer's bank, place by place."""
     simulation = simulate(scenario(direction, crawl), seed=seed)
     drive = Drive.from_tables(simulation.tables)
@@ -88,7 +88,7 @@ def places(direction: str, crawl: bool, seed: int) -> Places:
     return _by_place(sign * bank[on], sign * true[on], np.abs(around[on]), place[on])
 
 
-def _by_place(bank: Floats, true: Floats, around: Floats, place: Floats) -> Places:
+def _by_place(bank: Floats, true: Floats, around: Floats, place: Floats) -> BankPlaces:
     lap = np.floor(around / TURN).astype(int)
     slot = np.floor(place % TURN / TURN * BINS).astype(int) % BINS
     whole = [k for k in np.unique(lap) if len(np.unique(slot[lap == k])) == BINS]
@@ -102,7 +102,7 @@ def _by_place(bank: Floats, true: Floats, around: Floats, place: Floats) -> Plac
             rows.append(np.bincount(slot[use], values[use], BINS) / np.where(count, count, np.nan))
         return np.array(rows)
 
-    return Places(profiles(np.nan_to_num(bank)), profiles(true).mean(axis=0))
+    return BankPlaces(profiles(np.nan_to_num(bank)), profiles(true).mean(axis=0))
 
 
 def compared(seed: int) -> dict[str, float]:

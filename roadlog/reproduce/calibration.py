@@ -15,7 +15,7 @@ from roadlog.calibrate import SENSORS, calibrate
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimators.base import Estimator
-from roadlog.reproduce import Claim, Reproduction, ResultTable, Row
+from roadlog.reproduce import Claim, Reproduction, ResultRow, ResultTable
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import Simulation, simulate
 
@@ -55,7 +55,7 @@ def calibration() -> Reproduction:
         for angle in estimator.gives:
             case = f"{estimator.name}, {angle}"
             figures = {label: errors.get(angle) for label, errors in runs.items()}
-            rows += [Row(case, "", f"RMSE, {k}", "deg", None, v) for k, v in figures.items()]
+            rows += [ResultRow(case, "", f"RMSE, {k}", "deg", None, v) for k, v in figures.items()]
             before, after = figures["unknown car"], figures["calibrated"]
             if before is not None and after is not None:
                 total += 1

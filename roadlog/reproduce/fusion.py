@@ -14,7 +14,7 @@ from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
 from roadlog.estimate import Estimate
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
-from roadlog.reproduce import Claim, Reproduction, ResultTable, Row
+from roadlog.reproduce import Claim, Reproduction, ResultRow, ResultTable
 from roadlog.signals import FIX_TOPIC, GNSS_TOPIC, IMU_TOPIC, SECTIONS, TRUTH_TOPIC
 from roadlog.simulate import SCENARIOS, Simulation, simulate
 from roadlog.simulate.sampling import mounting
@@ -35,7 +35,7 @@ Runs = dict[str, dict[str, list[AngleMetrics]]]  # estimator -> angle -> one ent
 
 
 @dataclass(frozen=True)
-class Case:
+class ScenarioRuns:
     """All seeds of one scenario: IMU and wheels, mounting known, with GNSS, with two antennas."""
 
     name: str
@@ -78,8 +78,8 @@ def fusion(seeds: tuple[int, ...] = SEEDS, names: list[str] | None = None) -> Re
     return Reproduction("fusion", tables, [], _claims(cases))
 
 
-def _case(name: str, seeds: tuple[int, ...]) -> Case:
-    case = Case(name, SCENARIOS[name].road.roughness > 0, {}, {}, {}, {})
+def _case(name: str, seeds: tuple[int, ...]) -> ScenarioRuns:
+    case = ScenarioRuns(name, SCENARIOS[name].road.roughness > 0, {}, {}, {}, {})
     misalignment = SCENARIOS[name].sensors.imu.misalignment_deg
     for seed in seeds:
         drive = simulate(name, seed=seed, full=True)
@@ -142,33 +142,35 @@ def _best_other(runs: Runs, angle: str) -> tuple[str, float] | None:
     return (min(others)[1], min(others)[0]) if others else None
 
 
-def _beside(cases: list[Case], inputs: str, angle: str) -> Iterator[Row]:
+def _beside(cases: list[ScenarioRuns], inputs: str, angle: str) -> Iterator[ResultRow]:
     for case in cases:
         runs = getattr(case, inputs)
         for metric in ("rmse", "std"):
             now = _mean(runs, "fusion", angle, f"{metric}_deg")
-            yield Row(f"{case.name}, fusion", "", metric, "deg", None, now)
+            yield ResultRow(f"{case.name}, fusion", "", metric, "deg", None, now)
         other = _best_other(runs, angle)
         if other is not None:
-            yield Row(f"{case.name}, {other[0]} (next best)", "", "rmse", "deg", None, other[1])
+            yield ResultRow(
+                f"{case.name}, {other[0]} (next best)", "", "rmse", "deg", None, other[1]
+            )
 
 
-def _alone(cases: list[Case], inputs: str) -> Iterator[Row]:
+def _alone(cases: list[ScenarioRuns], inputs: str) -> Iterator[ResultRow]:
     for case in cases:
         for angle in ANGLES:
             now = _mean(getattr(case, inputs), "fusion", angle, "rmse_deg")
-            yield Row(f"{case.name}, {angle}", "", "rmse", "deg", None, now)
+            yield ResultRow(f"{case.name}, {angle}", "", "rmse", "deg", None, now)
 
 
-def _honesty(cases: list[Case]) -> Iterator[Row]:
+def _honesty(cases: list[ScenarioRuns]) -> Iterator[ResultRow]:
     for case in cases:
         for angle in ANGLES:
             for metric in ("within_2sd", "nees"):
                 now = _mean(case.antennas, "fusion", angle, metric)
-                yield Row(f"{case.name}, {angle}", "", metric, "-", None, now)
+                yield ResultRow(f"{case.name}, {angle}", "", metric, "-", None, now)
 
 
-def _claims(cases: list[Case]) -> list[Claim]:
+def _claims(cases: list[ScenarioRuns]) -> list[Claim]:
     goals = []
     for inputs, title in WHEELS.items():
         best = [

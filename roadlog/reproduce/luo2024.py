@@ -15,7 +15,7 @@ import numpy as np
 from roadlog import estimators
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
-from roadlog.reproduce import Claim, Form, Reproduction, ResultTable, Row, over, over_seeds
+from roadlog.reproduce import Claim, Form, Reproduction, ResultRow, ResultTable, over, over_seeds
 from roadlog.signals import TRUTH_TOPIC, WHEELS, truth_topic
 from roadlog.simulate import Simulation, simulate
 from roadlog.types import Floats
@@ -150,7 +150,7 @@ def force_errors(
 Runs = Mapping[str, list[Found]]
 
 
-def _rows(found: Runs) -> list[Row]:
+def _rows(found: Runs) -> list[ResultRow]:
     return [
         over_seeds(
             f"{case}, {name}",
@@ -166,7 +166,7 @@ def _rows(found: Runs) -> list[Row]:
     ]
 
 
-def _force_rows(found: Runs) -> list[Row]:
+def _force_rows(found: Runs) -> list[ResultRow]:
     return [
         over_seeds(
             f"{case}, {kind}", "mended", "RMSE", "N", None, [f.forces[kind][0] for f in found[case]]
@@ -242,7 +242,7 @@ def _roads() -> tuple[ResultTable, list[Claim]]:
     rows, errors = [], {}
     for case, found in zip(ROADS, over(_road, ROADS), strict=True):
         for (name, angle), (rmse, largest) in found.items():
-            rows.append(Row(f"{case}, {name}", "mended", f"{angle} RMSE", "deg", None, rmse))
+            rows.append(ResultRow(f"{case}, {name}", "mended", f"{angle} RMSE", "deg", None, rmse))
             errors[case, name, angle] = rmse, largest
     tfobe = errors["mountain", "tfobe", "grade"][0]
     worst = max(largest for _, largest in errors.values())

@@ -19,7 +19,7 @@ from roadlog.estimate import Estimate
 from roadlog.estimators.massel2004.ls_window import fit_windows
 from roadlog.estimators.massel2004.rls_forget import RlsForgetParameters, fit_recursively
 from roadlog.estimators.straight import Longitudinal
-from roadlog.reproduce import Claim, Form, Reproduction, ResultTable, Row, over, over_seeds
+from roadlog.reproduce import Claim, Form, Reproduction, ResultRow, ResultTable, over, over_seeds
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import simulate
 from roadlog.types import Floats
@@ -154,7 +154,7 @@ def run(job: Job) -> Found:
     return found
 
 
-def _rows(runs: list[Found]) -> list[Row]:
+def _rows(runs: list[Found]) -> list[ResultRow]:
     return [
         over_seeds(name, form, f"{angle} RMSE", "deg", None, _each(runs, f"{name} {form} {angle}"))
         for name in NAMES

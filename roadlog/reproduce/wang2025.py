@@ -16,7 +16,7 @@ from roadlog import estimators
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimators.wang2025.fuel_level import LITERS
-from roadlog.reproduce import Claim, Form, Reproduction, ResultTable, Row, over, over_seeds
+from roadlog.reproduce import Claim, Form, Reproduction, ResultRow, ResultTable, over, over_seeds
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import simulate
 from roadlog.types import Floats
@@ -180,7 +180,7 @@ def reproduce() -> Reproduction:
     return Reproduction("wang2025", tables, claims, also)
 
 
-def _rows(column: int, runs: list[Found]) -> list[Row]:
+def _rows(column: int, runs: list[Found]) -> list[ResultRow]:
     return [
         over_seeds(
             name,
@@ -194,7 +194,7 @@ def _rows(column: int, runs: list[Found]) -> list[Row]:
     ]
 
 
-def _fuel(runs: list[Found]) -> list[Row]:
+def _fuel(runs: list[Found]) -> list[ResultRow]:
     return [
         over_seeds(
             source,

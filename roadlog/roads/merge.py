@@ -15,7 +15,7 @@ from roadlog.geo import TransverseMercator
 from roadlog.roads.constants import Merged, Slope, solved
 from roadlog.roads.model import RoadModel, road_axes, road_of
 from roadlog.roads.passes import STEP, Pass
-from roadlog.roads.stretches import Run, Stretch, stretches
+from roadlog.roads.stretches import Stretch, Traverse, stretches
 from roadlog.types import Bools, Floats
 
 ROUNDS = 3  # of projecting the passes on the line and moving it into their middle
@@ -73,14 +73,14 @@ def road(stretch: Stretch, passes: Sequence[Pass]) -> RoadModel | None:
 class _Track:
     """A run in the stretch's plane, in travel order."""
 
-    run: Run
+    run: Traverse
     x: Floats
     y: Floats
     course: Floats
     distance: Floats
 
     @classmethod
-    def of(cls, run: Run, own: Pass, plane: TransverseMercator) -> _Track:
+    def of(cls, run: Traverse, own: Pass, plane: TransverseMercator) -> _Track:
         x, y = plane.forward(own.latitude[run.points], own.longitude[run.points])
         return cls(run, x, y, own.course[run.points], own.distance[run.points])
 

@@ -30,7 +30,7 @@ LOOK = 8  # nearest known points that are asked
 
 
 @dataclass(frozen=True)
-class Run:
+class Traverse:
     """A part of a pass along one stretch. points: (m,) indices into the pass, in travel order.
 
     forward: in the stretch's direction. nodes: of the stretch, abeam of the first and last point.
@@ -49,7 +49,7 @@ class Stretch:
     latitude: Floats
     longitude: Floats
     course: Floats
-    runs: list[Run] = field(default_factory=list)
+    runs: list[Traverse] = field(default_factory=list)
 
 
 class Places:
@@ -158,7 +158,7 @@ class _Book:
             points = chunk[part]
             forward = bool(np.cos(own.course[chunk[there]] - places.course[near[there]]).mean() > 0)
             nodes = int(places.node[near[there[0]]]), int(places.node[near[there[-1]]])
-            self.stretches[which].runs.append(Run(owner, points, forward, nodes))
+            self.stretches[which].runs.append(Traverse(owner, points, forward, nodes))
             known[part] = True
         last: int | None = None
         for run in runs(~known):
@@ -178,7 +178,7 @@ class _Book:
             places.add(xyz[points], own.course[points], own.altitude[points], owner, which, first)
             last_node = len(stretch.latitude) - 1
             nodes = last_node - len(points) + 1, last_node
-            stretch.runs.append(Run(owner, points, True, nodes))
+            stretch.runs.append(Traverse(owner, points, True, nodes))
             if run.stop == len(chunk):
                 last = which
         return last
@@ -268,7 +268,7 @@ def _xyz(latitude: Floats, longitude: Floats) -> Floats:
 def joined(found: list[Stretch], passes: Sequence[Pass]) -> list[Stretch]:
     """Stretches with one neighbor at an end are one road."""
     links: dict[tuple[int, int], set[tuple[int, int]]] = {}
-    ways: dict[int, list[tuple[int, Run]]] = {}
+    ways: dict[int, list[tuple[int, Traverse]]] = {}
     for index, stretch in enumerate(found):
         for run in stretch.runs:
             ways.setdefault(run.owner, []).append((index, run))
@@ -324,7 +324,7 @@ def _chained(found: list[Stretch], single: dict[tuple[int, int], tuple[int, int]
 
 def _connected(chain: list[tuple[Stretch, bool]]) -> Stretch:
     columns: dict[str, list[Floats]] = {"latitude": [], "longitude": [], "course": []}
-    members: list[Run] = []
+    members: list[Traverse] = []
     begin = 0
     for stretch, forward in chain:
         way = slice(None, None, 1 if forward else -1)
@@ -334,15 +334,15 @@ def _connected(chain: list[tuple[Stretch, bool]]) -> Stretch:
         last = len(stretch.latitude) - 1
         for run in stretch.runs:
             first, end = (begin + (n if forward else last - n) for n in run.nodes)
-            members.append(Run(run.owner, run.points, run.forward == forward, (first, end)))
+            members.append(Traverse(run.owner, run.points, run.forward == forward, (first, end)))
         begin += last + 1
     latitude, longitude, course = (np.concatenate(c) for c in columns.values())
     return Stretch(latitude, longitude, course, _merged(members))
 
 
-def _merged(members: list[Run]) -> list[Run]:
+def _merged(members: list[Traverse]) -> list[Traverse]:
     """Runs of one drive that follow each other are one; a lap that begins anew is its own."""
-    result: list[Run] = []
+    result: list[Traverse] = []
     for run in sorted(members, key=lambda r: (r.owner, int(r.points[0]))):
         last = result[-1] if result else None
         if (
@@ -353,7 +353,7 @@ def _merged(members: list[Run]) -> list[Run]:
             and (run.nodes[0] - last.nodes[1]) * (1 if run.forward else -1) >= -BEHIND
         ):
             points = np.concatenate([last.points, run.points])
-            result[-1] = Run(run.owner, points, run.forward, (last.nodes[0], run.nodes[1]))
+            result[-1] = Traverse(run.owner, points, run.forward, (last.nodes[0], run.nodes[1]))
         else:
             result.append(run)
     return result

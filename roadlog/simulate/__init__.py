@@ -33,7 +33,7 @@ from roadlog.simulate.scenario import (
 )
 from roadlog.simulate.scenarios import LOADS, SCENARIOS
 from roadlog.simulate.sensors import Sensors
-from roadlog.simulate.straight import RATE, drive_straight
+from roadlog.simulate.straight import MOTION_RATE, drive_straight
 from roadlog.storage.table import Table
 from roadlog.types import Floats, Stamps
 from roadlog.version import __version__
@@ -160,7 +160,7 @@ def _straight_motion(scenario: Scenario, seed: int, vehicle: Vehicle | None) -> 
         body = replace(body, load=body.load + tilt)
     rng = stream(seed, "scenario")
     profile, duration = speed_of(scenario, rng)
-    time = np.arange(round(duration * RATE) + 1) / RATE
+    time = np.arange(round(duration * MOTION_RATE) + 1) / MOTION_RATE
     speed = sampled(profile, time)
     speed = np.where(np.abs(speed) < 1e-9, 0.0, speed)
     grade = scenario.road.grade

@@ -111,7 +111,7 @@ def car_of(vehicle: Vehicle) -> CarParameters:
 
 
 # The state, 41 numbers; wheels in the order fl, fr, rl, rr.
-POSITION, EULER, VELOCITY, RATE = 0, 3, 6, 9  # of the sprung CG; roll, pitch, yaw; body axes
+POSITION, EULER, VELOCITY, BODY_RATE = 0, 3, 6, 9  # of the sprung CG; roll, pitch, yaw; body axes
 TRAVEL, TRAVEL_RATE = 12, 16  # wheel up relative to the body
 SPIN = 20  # rad/s
 SLIP, SLIP_ANGLE = 24, 28  # relaxed kappa' and alpha' (tangent)

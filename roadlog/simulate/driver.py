@@ -13,9 +13,9 @@ from roadlog.jit import compiled
 from roadlog.simulate.car import (
     ALONG,
     ASIDE,
+    BODY_RATE,
     DRIVE,
     EULER,
-    RATE,
     VELOCITY,
     CarParameters,
 )
@@ -62,7 +62,7 @@ def steer_along(
     state: Floats, driver: DriverParameters, car: CarParameters, road: RoadTables
 ) -> float:
     """rad, road wheel angle that the driver asks for."""
-    u, v, r = state[VELOCITY], state[VELOCITY + 1], state[RATE + 2]
+    u, v, r = state[VELOCITY], state[VELOCITY + 1], state[BODY_RATE + 2]
     along = state[ALONG]
     bend = curvature_at(road, along + driver.preview * u)
     wheelbase = car.cg_to_front_axle + car.cg_to_rear_axle

@@ -15,6 +15,7 @@ from roadlog.simulate.car import (
     ALONG,
     ANGULAR,
     ASIDE,
+    BODY_RATE,
     BRAKE,
     DRIVE,
     ENERGY,
@@ -23,7 +24,6 @@ from roadlog.simulate.car import (
     NORMAL,
     POSITION,
     POWER,
-    RATE,
     SPECIFIC,
     SPIN,
     STEER,
@@ -32,7 +32,7 @@ from roadlog.simulate.car import (
     VELOCITY,
     CarParameters,
 )
-from roadlog.simulate.frames import BodyAxes, Lane, body_axes, lane_at, to_body, to_road
+from roadlog.simulate.frames import BodyAxes, Centerline, body_axes, lane_at, to_body, to_road
 from roadlog.simulate.road import RoadTables, surface
 from roadlog.simulate.wheel import contact, steered, strut, tread, wheel
 from roadlog.types import Floats
@@ -66,7 +66,7 @@ def body(
     Adds to the wheels' up and down what the body's acceleration takes from it.
     """
     u, v, w = state[VELOCITY], state[VELOCITY + 1], state[VELOCITY + 2]
-    p, q, r = state[RATE], state[RATE + 1], state[RATE + 2]
+    p, q, r = state[BODY_RATE], state[BODY_RATE + 1], state[BODY_RATE + 2]
     gx, gy, gz = -G * axes.xu, -G * axes.yu, -G * axes.zu
     unsprung = (car.mass - car.sprung_mass) / 4
     wind_x, wind_y, _ = to_body(axes, wind[0], wind[1], 0.0)
@@ -94,17 +94,17 @@ def body(
     out[VELOCITY] = ax - (q * w - r * v)
     out[VELOCITY + 1] = ay - (r * u - p * w)
     out[VELOCITY + 2] = az - (p * v - q * u)
-    out[RATE], out[RATE + 1], out[RATE + 2] = p_dot, q_dot, r_dot
+    out[BODY_RATE], out[BODY_RATE + 1], out[BODY_RATE + 2] = p_dot, q_dot, r_dot
     extras[SPECIFIC], extras[SPECIFIC + 1], extras[SPECIFIC + 2] = ax - gx, ay - gy, az - gz
     extras[ANGULAR], extras[ANGULAR + 1], extras[ANGULAR + 2] = p_dot, q_dot, r_dot
     return drag_x * u + drag_y * v
 
 
 @compiled
-def kinematics(state: Floats, axes: BodyAxes, lane: Lane, out: Floats) -> None:
+def kinematics(state: Floats, axes: BodyAxes, lane: Centerline, out: Floats) -> None:
     """Derivatives of position, Euler angles and road coordinates."""
     roll, nose = state[EULER], state[EULER + 1]
-    p, q, r = state[RATE], state[RATE + 1], state[RATE + 2]
+    p, q, r = state[BODY_RATE], state[BODY_RATE + 1], state[BODY_RATE + 2]
     ve, vn, vu = to_road(axes, state[VELOCITY], state[VELOCITY + 1], state[VELOCITY + 2])
     out[POSITION], out[POSITION + 1], out[POSITION + 2] = ve, vn, vu
     cr, sr, cn, sn = np.cos(roll), np.sin(roll), np.cos(nose), np.sin(nose)
@@ -120,7 +120,7 @@ def kinematics(state: Floats, axes: BodyAxes, lane: Lane, out: Floats) -> None:
 def stored_in_motion(state: Floats, car: CarParameters) -> float:
     """J, of the body's motion and height."""
     u, v, w = state[VELOCITY], state[VELOCITY + 1], state[VELOCITY + 2]
-    p, q, r = state[RATE], state[RATE + 1], state[RATE + 2]
+    p, q, r = state[BODY_RATE], state[BODY_RATE + 1], state[BODY_RATE + 2]
     return (
         0.5 * car.mass * (u * u + v * v)
         + 0.5 * car.sprung_mass * w * w

@@ -24,7 +24,7 @@ class BodyAxes(NamedTuple):
     zu: float
 
 
-class Lane(NamedTuple):
+class Centerline(NamedTuple):
     """The road's middle line under the CG: cosine and sine of its heading, 1/m to the left."""
 
     cos: float
@@ -71,7 +71,7 @@ def to_body(axes: BodyAxes, e: float, n: float, u: float) -> tuple[float, float,
 
 
 @compiled
-def lane_at(road: RoadTables, along: float) -> Lane:
+def lane_at(road: RoadTables, along: float) -> Centerline:
     """The middle line at `along` m."""
     heading = heading_at(road, along)
-    return Lane(np.cos(heading), np.sin(heading), curvature_at(road, along))
+    return Centerline(np.cos(heading), np.sin(heading), curvature_at(road, along))

@@ -210,7 +210,7 @@ def _motion(
         "roll_total": np.arcsin(y_b[:, 2]),
     }
     velocity = state[:, c.VELOCITY : c.VELOCITY + 3]
-    rate = state[:, c.RATE : c.RATE + 3]
+    rate = state[:, c.BODY_RATE : c.BODY_RATE + 3]
     ratio, brake = history[:, RATIO], state[:, c.BRAKE]
     drive = np.where(ratio > 0, state[:, c.DRIVE], 0.0)
     gearing = ratio * car.final_drive * car.driveline_efficiency
@@ -270,9 +270,9 @@ def _details(
         "force_x": extra[:, c.SPECIFIC],
         "force_y": extra[:, c.SPECIFIC + 1],
         "force_z": extra[:, c.SPECIFIC + 2],
-        "rate_x": state[:, c.RATE],
-        "rate_y": state[:, c.RATE + 1],
-        "rate_z": state[:, c.RATE + 2],
+        "rate_x": state[:, c.BODY_RATE],
+        "rate_y": state[:, c.BODY_RATE + 1],
+        "rate_z": state[:, c.BODY_RATE + 2],
         "x": state[:, c.POSITION],
         "y": state[:, c.POSITION + 1],
         "z": state[:, c.POSITION + 2],

@@ -14,7 +14,7 @@ from roadlog.simulate.motion import Motion
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
-RATE = 1000.0  # Hz, of the motion
+MOTION_RATE = 1000.0  # Hz, of the motion
 SUBSTEPS = 2  # integration steps in one of the motion: 0.5 ms
 
 
@@ -60,7 +60,7 @@ class PitchModel:
 def drive_straight(model: PitchModel, time: Floats, v: Floats, grade: Floats) -> Motion:
     """The motion of a body on a straight road.
 
-    time: s, uniform at RATE. v: m/s along the road. grade: rad, uphill +.
+    time: s, uniform at MOTION_RATE. v: m/s along the road. grade: rad, uphill +.
     """
     dt = time[1] - time[0]
     v_dot = np.gradient(v, dt)

@@ -14,13 +14,13 @@ from roadlog.jit import compiled
 from roadlog.simulate.car import (
     ALONG,
     ASIDE,
+    BODY_RATE,
     BRAKE,
     DRIVE,
     FORCE_X,
     FORCE_Y,
     FORCE_Z,
     POSITION,
-    RATE,
     SLIP,
     SLIP_ANGLE,
     SPIN,
@@ -30,7 +30,7 @@ from roadlog.simulate.car import (
     VELOCITY,
     CarParameters,
 )
-from roadlog.simulate.frames import BodyAxes, Lane, to_road
+from roadlog.simulate.frames import BodyAxes, Centerline, to_road
 from roadlog.simulate.road import RoadTables, friction_at, roughness_at, surface
 from roadlog.types import Floats
 
@@ -95,14 +95,14 @@ def contact(
     i: int,
     state: Floats,
     axes: BodyAxes,
-    lane: Lane,
+    lane: Centerline,
     car: CarParameters,
     geometry: Floats,
     road: RoadTables,
 ) -> Contact:
     """Wheel i on the road: lever, normal, velocity, load and grip."""
     u, v, w = state[VELOCITY], state[VELOCITY + 1], state[VELOCITY + 2]
-    p, q, r = state[RATE], state[RATE + 1], state[RATE + 2]
+    p, q, r = state[BODY_RATE], state[BODY_RATE + 1], state[BODY_RATE + 2]
     along, aside = state[ALONG], state[ASIDE]
     x, y = geometry[i, 0], geometry[i, 1]
     z = geometry[i, 2] + state[TRAVEL + i]

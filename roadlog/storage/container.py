@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from roadlog import files
 from roadlog.errors import LogReadError
-from roadlog.files import State
+from roadlog.files import FileState
 from roadlog.storage import records
 from roadlog.storage.records import (
     MAGIC,
@@ -48,13 +48,13 @@ COPY_SIZE = 1 << 26  # bytes handed to the kernel, or read and written, at once
 _local = threading.local()
 
 
-class Reader(Protocol):
+class ByteReader(Protocol):
     """Something whose bytes can be read."""
 
     def read(self, offset: int, length: int) -> bytes: ...
 
 
-class Source:
+class ByteSource:
     """Random access to a plain file's bytes. Reading beyond its end raises Damage.
 
     state: which file it was, and its size and time, when it was opened.
@@ -70,7 +70,7 @@ class Source:
             os.close(handle)
             raise LogReadError(f"{path}: cannot be read: it is no plain file")
         self._file = os.fdopen(handle, "rb")
-        self._path, self.state, self.size = path, State.of(status), status.st_size
+        self._path, self.state, self.size = path, FileState.of(status), status.st_size
         self._lock = threading.Lock()
 
     @property
@@ -135,11 +135,11 @@ class Record(NamedTuple):
     def end(self) -> int:
         return self.offset + PREFIX.size + self.length
 
-    def content(self, source: Source) -> bytes:
+    def content(self, source: ByteSource) -> bytes:
         return source.read(self.offset + PREFIX.size, self.length)
 
 
-def outer_records(source: Source, position: int = len(MAGIC)) -> Iterator[Record]:
+def outer_records(source: ByteSource, position: int = len(MAGIC)) -> Iterator[Record]:
     """Records of a file outside chunks, without their content. Raises Damage where one is cut."""
     base, window, size = 0, b"", SCAN_WINDOW
     while position < source.size:
@@ -175,7 +175,7 @@ def inner_records(data: bytes, position: int, end: int) -> Iterator[Record]:
         position = after
 
 
-def crc_of(source: Source, start: int, end: int, crc: int = 0) -> int:
+def crc_of(source: ByteSource, start: int, end: int, crc: int = 0) -> int:
     """CRC-32 of a range of the file, continued from `crc`."""
     for position in range(start, end, RUN_SIZE):
         crc = crc32(source.read(position, min(RUN_SIZE, end - position)), crc)
@@ -193,7 +193,7 @@ def lost_chunk(chunk: Chunk, damage: Damage) -> str:
     return f"the chunk at byte {chunk.offset}{span} is damaged and was skipped: {damage}"
 
 
-def load(source: Reader, chunk: Chunk) -> bytes:
+def load(source: ByteReader, chunk: Chunk) -> bytes:
     """The records of a chunk, uncompressed and checked. Raises Damage."""
     if chunk.compression == RAW:
         return source.read(chunk.offset, chunk.length)
@@ -244,7 +244,7 @@ def _inflate(data: memoryview, compression: str, size: int) -> bytes:
     raise Damage(f"its compression '{compression}' is unknown")
 
 
-class Walk(NamedTuple):
+class ChunkRecords(NamedTuple):
     """Messages of a chunk in file order, and its other records."""
 
     offsets: Offsets
@@ -252,7 +252,7 @@ class Walk(NamedTuple):
     others: list[Record]
 
 
-def walk(data: bytes) -> Walk:
+def walk(data: bytes) -> ChunkRecords:
     """Go through all records of a chunk. Raises Damage."""
     offsets: list[Offsets] = []
     others: list[Record] = []
@@ -280,7 +280,7 @@ def walk(data: bytes) -> Walk:
             last = length
         position = after
     found = np.concatenate([*offsets, np.array(single, np.int64)])
-    return Walk(found, word(data, found, PREFIX.size, "<u2"), others)
+    return ChunkRecords(found, word(data, found, PREFIX.size, "<u2"), others)
 
 
 def _equal_records(data: bytes, position: int) -> int:
@@ -309,7 +309,7 @@ def word(data: bytes, offsets: Offsets, shift: int, dtype: str) -> NDArray:
     return np.ndarray((count,), dtype, data, shift, (1,))[offsets]
 
 
-def messages(source: Source, chunk: Chunk, data: bytes) -> dict[int, Offsets]:
+def messages(source: ByteSource, chunk: Chunk, data: bytes) -> dict[int, Offsets]:
     """Channel id -> offsets of its messages in a chunk, in file order. Raises Damage.
 
     By the message indexes where they fit the records, which the chunk's CRC protects and the
@@ -322,7 +322,7 @@ def messages(source: Source, chunk: Chunk, data: bytes) -> dict[int, Offsets]:
     return {int(id_): inside.offsets[inside.channels == id_] for id_ in np.unique(inside.channels)}
 
 
-def listed(source: Source, chunk: Chunk, data: bytes) -> dict[int, Offsets] | None:
+def listed(source: ByteSource, chunk: Chunk, data: bytes) -> dict[int, Offsets] | None:
     """Offsets by the message indexes; None where these are not what they should be."""
     result: dict[int, Offsets] = {}
     total = 0

@@ -18,8 +18,8 @@ from roadlog.storage.container import (
     RAW,
     RUN_SIZE,
     SCAN_WINDOW,
+    ByteSource,
     Record,
-    Source,
     crc_of,
     inner_records,
     listed,
@@ -66,7 +66,7 @@ class MetadataPlace(NamedTuple):
         has_crc = len(behind) == len(records.CRC_MARK) + 4 and behind.startswith(records.CRC_MARK)
         return cls(offset, length, int.from_bytes(behind[-4:], "little") if has_crc else None)
 
-    def read(self, source: Source) -> tuple[str, dict[str, str]]:
+    def read(self, source: ByteSource) -> tuple[str, dict[str, str]]:
         """Name and texts. Raises Damage."""
         data = source.read(self.offset, self.length)
         if self.crc is not None and crc32(data) != self.crc:
@@ -96,7 +96,7 @@ class Contents:
     behind: int = 0
 
 
-def contents(source: Source) -> Contents:
+def contents(source: ByteSource) -> Contents:
     """What a file holds, by its summary or else by a scan. Raises Damage for more than is bounded.
 
     What a log makes us inflate and list is bounded by what lies in the file.
@@ -129,7 +129,7 @@ def _sound(chunks: Sequence[Chunk], losses: list[str]) -> list[Chunk]:
     return sound
 
 
-def _check_bounds(source: Source, chunks: Sequence[Chunk]) -> None:
+def _check_bounds(source: ByteSource, chunks: Sequence[Chunk]) -> None:
     inflated = sum(chunk.size for chunk in chunks)
     if inflated > max(FREE, MOST_INFLATED * source.size):
         raise Damage(
@@ -138,7 +138,7 @@ def _check_bounds(source: Source, chunks: Sequence[Chunk]) -> None:
         )
 
 
-def _contents(source: Source) -> Contents:
+def _contents(source: ByteSource) -> Contents:
     problem = ""
     try:
         found = _from_summary(source)
@@ -154,7 +154,7 @@ def _contents(source: Source) -> Contents:
     return found
 
 
-def _from_summary(source: Source) -> Contents | None:
+def _from_summary(source: ByteSource) -> Contents | None:
     """None where the summary does not provably list every message. Raises Damage."""
     footer = source.read(source.size - FOOTER_SIZE, FOOTER_SIZE)
     opcode, length = PREFIX.unpack_from(footer)
@@ -215,7 +215,7 @@ def _is_complete(found: Contents, said: Statistics) -> bool:
     )
 
 
-def scan(source: Source) -> Contents:
+def scan(source: ByteSource) -> Contents:
     """Go through every record of the file; what is damaged is left out and said in `losses`."""
     result = Contents()
     chunks: list[Chunk] = []
@@ -272,7 +272,7 @@ def _run(run: Record) -> Chunk:
     return Chunk(0, 0, run.offset, size, {}, 0, RAW, size, size)
 
 
-def _chunk_at(source: Source, found: Record) -> Chunk:
+def _chunk_at(source: ByteSource, found: Record) -> Chunk:
     """The chunk of a Chunk record, without its indexes."""
     head = Fields(source.read(found.offset + PREFIX.size, min(found.length, SCAN_WINDOW)))
     start, end, size, _ = (head.take(code) for code in "QQQI")
@@ -282,7 +282,7 @@ def _chunk_at(source: Source, found: Record) -> Chunk:
     )
 
 
-def _add_index(source: Source, chunks: list[Chunk], found: Record) -> None:
+def _add_index(source: ByteSource, chunks: list[Chunk], found: Record) -> None:
     """Note a MessageIndex behind the last chunk."""
     channel = Fields(source.read(found.offset + PREFIX.size, min(found.length, 2))).take("H")
     last = chunks[-1]
@@ -301,7 +301,7 @@ def _declare(result: Contents, opcode: int, content: bytes) -> None:
         result.channels.setdefault(channel.id, channel)
 
 
-def _take_stock(source: Source, chunk: Chunk, result: Contents) -> None:
+def _take_stock(source: ByteSource, chunk: Chunk, result: Contents) -> None:
     """Count a chunk's messages and take its declarations; a damaged one becomes a loss."""
     try:
         data = load(source, chunk)

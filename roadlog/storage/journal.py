@@ -22,7 +22,7 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 from roadlog import files
 from roadlog.errors import LogReadError, LogWriteError
 from roadlog.storage import records
-from roadlog.storage.container import COPY_SIZE, Source, crc_of
+from roadlog.storage.container import COPY_SIZE, ByteSource, crc_of
 from roadlog.storage.records import Damage
 
 if TYPE_CHECKING:
@@ -43,10 +43,10 @@ def path_of(log: Path) -> Path:
     return log.with_name(log.name + ".undo")
 
 
-class Before(Source):
+class Before(ByteSource):
     """A log as it was: its unchanged beginning, and its old end from the journal."""
 
-    def __init__(self, log: Source, journal: Source, cut: int) -> None:
+    def __init__(self, log: ByteSource, journal: ByteSource, cut: int) -> None:
         self._log, self._journal, self._cut = log, journal, cut
         self.size = cut + journal.size - HEAD_SIZE
         self.state = log.state
@@ -78,10 +78,10 @@ class _Journal(NamedTuple):
     cut: int
     size: int
     reach: int
-    source: Source
+    source: ByteSource
 
     @classmethod
-    def of(cls, log: Source, source: Source) -> _Journal:
+    def of(cls, log: ByteSource, source: ByteSource) -> _Journal:
         """Check that a journal is whole and belongs to the log. Raises Damage."""
         head = source.read(0, min(HEAD_SIZE, source.size))
         if not head.startswith(MAGIC) or len(head) < HEAD_SIZE:
@@ -102,13 +102,13 @@ def _reach(end: int) -> bytes:
     return _REACH.pack(end, zlib.crc32(end.to_bytes(8, "little")))
 
 
-def _fingerprint(source: Source, cut: int) -> bytes:
+def _fingerprint(source: ByteSource, cut: int) -> bytes:
     start, end = source.read(0, min(cut, FINGERPRINT)), max(0, cut - FINGERPRINT)
     return hashlib.sha256(start + source.read(end, cut - end)).digest()
 
 
 @contextmanager
-def changing(log: Path, source: Source, cut: int) -> Iterator[tuple[Before, IO[bytes]]]:
+def changing(log: Path, source: ByteSource, cut: int) -> Iterator[tuple[Before, IO[bytes]]]:
     """A log as it was, and the file itself to write to from byte `cut` on.
 
     When the body raises the log is put back. Bytes that another program appends meanwhile stay.
@@ -152,9 +152,9 @@ def changing(log: Path, source: Source, cut: int) -> Iterator[tuple[Before, IO[b
         raise LogWriteError(f"{log}: cannot be changed in place: {error.strerror}") from error
 
 
-def _ours(path: Path, written: int, size: int) -> Source:
+def _ours(path: Path, written: int, size: int) -> ByteSource:
     """The journal that was just written, and no other file of its name. Raises LogWriteError."""
-    kept = Source(path)
+    kept = ByteSource(path)
     if kept.size != size or not os.path.samestat(os.fstat(kept.handle), os.fstat(written)):
         kept.close()
         raise files.changed(path)
@@ -221,28 +221,28 @@ class _Guarded(io.RawIOBase):
 
 
 @contextmanager
-def _opened(log: Path, source: Source) -> Iterator[int]:
+def _opened(log: Path, source: ByteSource) -> Iterator[int]:
     """The log that was read, to write to, and no other."""
     handle = os.open(log, os.O_RDWR | files.NO_FOLLOW)
     try:
-        if files.State.of(os.fstat(handle)) != source.state:
+        if files.FileState.of(os.fstat(handle)) != source.state:
             raise files.changed(log)
         yield handle
     finally:
         os.close(handle)
 
 
-def recover(log: Path, *, only_look: bool = False) -> Source:
+def recover(log: Path, *, only_look: bool = False) -> ByteSource:
     """The log to read, put back first if a change of it was interrupted.
 
     only_look: change nothing, and give the log as it would be. Raises LogReadError.
     """
-    source = Source(log)
+    source = ByteSource(log)
     try:
         is_mcap = source.read(0, min(len(records.MAGIC), source.size)) == records.MAGIC
         if not is_mcap or files.state(path_of(log)) is None:
             return source
-        kept = Source(path_of(log))
+        kept = ByteSource(path_of(log))
         try:
             found = _proven(log, source, kept)
             if found is not None and only_look:
@@ -271,10 +271,10 @@ def recover(log: Path, *, only_look: bool = False) -> Source:
         raise
     kept.close()
     source.close()
-    return Source(log)
+    return ByteSource(log)
 
 
-def _proven(log: Path, source: Source, kept: Source) -> _Journal | None:
+def _proven(log: Path, source: ByteSource, kept: ByteSource) -> _Journal | None:
     """The journal of a log if it is one; None if the change ended just now. Raises LogReadError."""
     if not files.lock(kept.handle):
         raise LogReadError(f"{log}: is being changed by another process; try again later")
@@ -313,7 +313,7 @@ def _put_back(target: _Guarded, found: _Journal) -> None:
         os.fsync(file.fileno())
 
 
-def _remove(path: Path, made: files.State) -> None:
+def _remove(path: Path, made: files.FileState) -> None:
     """Remove the journal that we made, and no other file of its name.
 
     Its time is not what tells it: it was noted there how far the change reached.

@@ -27,7 +27,7 @@ from roadlog.storage.records import Damage, Schema
 from roadlog.storage.walk import NAMES
 
 
-class Unfit(Exception):
+class NoLayout(Exception):
     """A payload that has no layout: broken, or with a group in it."""
 
 
@@ -61,7 +61,7 @@ class Protobuf(Codec):
         found = _Found(bytearray(len(payload)))
         try:
             self._parse(self._fields, payload, 0, len(payload), found)
-        except (Unfit, IndexError):
+        except (NoLayout, IndexError):
             return None
         absent = {}
         for name, (parent, has_presence) in self._presence.items():
@@ -89,7 +89,7 @@ class Protobuf(Codec):
                 position += 1
                 size = position - start
                 if size > 10:
-                    raise Unfit
+                    raise NoLayout
             elif wire == LENGTH:
                 size, start = _fixed_varint(data, position, found.mask)
                 position = start + size
@@ -97,9 +97,9 @@ class Protobuf(Codec):
                 size = 8 if wire == FIXED64 else 4
                 position += size
             else:
-                raise Unfit
+                raise NoLayout
             if position > end or not tag >> 3:
-                raise Unfit
+                raise NoLayout
             if field is not None:
                 self._note(fields, field, wire, data, start, size, found, prefix)
 
@@ -178,7 +178,7 @@ class Protobuf(Codec):
             else:
                 position += field.dtype.itemsize
             if position > end or varint > 10:
-                raise Unfit
+                raise NoLayout
             found.values[f"{path}.{k}"] = Value(first, field.dtype, varint, field.zigzag)
             found.elements[path] = k + 1
 
@@ -264,7 +264,7 @@ def _fixed_varint(data: bytes, position: int, mask: bytearray) -> tuple[int, int
         if not byte & 0x80:
             return value, position
         if shift > 63:
-            raise Unfit
+            raise NoLayout
 
 
 def _forget(path: str, found: _Found) -> None:

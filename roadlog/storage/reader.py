@@ -26,7 +26,7 @@ from roadlog.storage.records import (
     Schema,
 )
 from roadlog.storage.table import Channel, Table
-from roadlog.storage.topics import Part, one_table
+from roadlog.storage.topics import ChannelTable, one_table
 
 AHEAD = 2  # batches of chunks that are inflated while another is taken apart
 BATCH = 1 << 22  # bytes; to hand over every chunk on its own takes a tenth of the time
@@ -128,11 +128,11 @@ class LogReader:
         ]
         for chunk, data in self._loaded(chunks):
             self._take(chunk, data, columns)
-        parts: dict[str, list[Part]] = {topic: [] for topic in wanted}
+        parts: dict[str, list[ChannelTable]] = {topic: [] for topic in wanted}
         for id_, found in columns.items():
             channel = self.contents.channels[id_]
             parts[channel.topic].append(
-                Part(channel.encoding, self._schema(channel), found, channel.metadata)
+                ChannelTable(channel.encoding, self._schema(channel), found, channel.metadata)
             )
         return {topic: one_table(topic, own, self._lose) for topic, own in parts.items()}
 

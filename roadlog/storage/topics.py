@@ -11,7 +11,7 @@ from roadlog.storage.records import Damage, Schema
 from roadlog.storage.table import Table
 
 
-class Part(NamedTuple):
+class ChannelTable(NamedTuple):
     """One channel of a topic with its columns."""
 
     encoding: str
@@ -31,7 +31,7 @@ class Part(NamedTuple):
         return self.schema.name, tuple(sorted((name, str(code)) for name, code in dtypes.items()))
 
 
-def one_table(topic: str, parts: Sequence[Part], lose: Callable[[str], None]) -> Table:
+def one_table(topic: str, parts: Sequence[ChannelTable], lose: Callable[[str], None]) -> Table:
     """Those that have the fields of most messages, in time order; the rest is a loss."""
     counts: dict[object, int] = {}
     for part in parts:

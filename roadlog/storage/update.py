@@ -18,7 +18,7 @@ import numpy as np
 from roadlog.errors import LogWriteError
 from roadlog.files import changed, check_unprotected, replacing, temporary, written
 from roadlog.storage import container, crc, journal, records
-from roadlog.storage.container import RAW, Record, Source, outer_records, walk, word
+from roadlog.storage.container import RAW, ByteSource, Record, outer_records, walk, word
 from roadlog.storage.contents import Contents
 from roadlog.storage.journal import Before, changing
 from roadlog.storage.reader import LogReader
@@ -57,7 +57,7 @@ def update_log(
         plan = _Plan.of(old, drop, drop_metadata)
         start_crc = plan.start_crc(old.source)
 
-        def put(file: IO[bytes], source: Source | Before, offset: int = 0) -> None:
+        def put(file: IO[bytes], source: ByteSource | Before, offset: int = 0) -> None:
             writer = Writer(file, offset=offset, crc=start_crc, encoding=encoding)
             _write(writer, plan, source, tables, metadata)
 
@@ -111,7 +111,7 @@ def _check_writable(given: Path, path: Path, in_place: bool) -> None:
 def _write(
     writer: Writer,
     plan: _Plan,
-    source: Source | Before,
+    source: ByteSource | Before,
     tables: Iterable[Table],
     metadata: Mapping[str, Mapping[str, str]],
 ) -> None:
@@ -188,7 +188,9 @@ class _Plan:
             pass  # what is behind was lost before, and the reader said so
         return plan
 
-    def _is_kept(self, at: Record, source: Source, drop_metadata: Callable[[str], bool]) -> bool:
+    def _is_kept(
+        self, at: Record, source: ByteSource, drop_metadata: Callable[[str], bool]
+    ) -> bool:
         if at.opcode == records.MESSAGE:
             return Fields(source.read(at.offset + PREFIX.size, 2)).take("H") not in self.dropped
         if at.opcode == records.CHANNEL:
@@ -215,7 +217,7 @@ class _Plan:
         else:
             self.steps.append(_Range(start, end))
 
-    def execute(self, writer: Writer, source: Source | Before) -> None:
+    def execute(self, writer: Writer, source: ByteSource | Before) -> None:
         """Write what is kept and is not there yet, and tell the writer what there is."""
         found = self.contents
         writer.schemas = {k: s for k, s in found.schemas.items() if k not in self.unused}
@@ -253,7 +255,7 @@ class _Plan:
             attachment = source.read(offset, length)
             writer.attachments.append(records.attachment_index(place(offset), attachment))
 
-    def start_crc(self, source: Source) -> int | None:
+    def start_crc(self, source: ByteSource) -> int | None:
         """CRC of the first kept range; None where the file has none."""
         end = self.first_change
         if self.data_end is None or end < self.data_end - end:
@@ -270,7 +272,7 @@ class _Plan:
         assert isinstance(first, _Range)
         return first.end
 
-    def _rewrite(self, chunk: Chunk, writer: Writer, source: Source | Before) -> None:
+    def _rewrite(self, chunk: Chunk, writer: Writer, source: ByteSource | Before) -> None:
         """What is left of a chunk without the dropped channels; a few bytes of others may be."""
         data = container.load(source, chunk)
         inside = walk(data)

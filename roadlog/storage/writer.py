@@ -24,7 +24,7 @@ from roadlog import field_units
 from roadlog.errors import ConfigError, near
 from roadlog.files import replacing
 from roadlog.storage import journal, records, ros2_messages, schemas
-from roadlog.storage.container import COPY_SIZE, Offsets, Source
+from roadlog.storage.container import COPY_SIZE, ByteSource, Offsets
 from roadlog.storage.journal import Before
 from roadlog.storage.messages import Wire
 from roadlog.storage.records import (
@@ -182,7 +182,7 @@ class Writer:
             self._compressors[name] = compressor(name)
         return self._compressors[name]
 
-    def copy(self, source: Source | Before, start: int, end: int) -> None:
+    def copy(self, source: ByteSource | Before, start: int, end: int) -> None:
         """A range of another file as it is."""
         if self.crc is not None and start:  # the CRC of the first range is known
             for position in range(start, end, COPY_SIZE):

@@ -17,7 +17,7 @@ from roadlog.types import Bools, Floats
 from roadlog.view import colors
 from roadlog.view.curves import Curve
 from roadlog.view.fields import FieldPlot
-from roadlog.view.model import BAND_ROOM, DriveView, Inputs
+from roadlog.view.model import BAND_ROOM, DriveView, SensorPlot
 from roadlog.view.slopes import degrees, percent
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ MANY = 20_000  # samples, above which an svg or pdf holds the curves as a pictur
 
 
 @dataclass(frozen=True)
-class Part:
+class Extent:
     """What a figure shows: over time (s) or distance (m), from first to last; None = all.
 
     angles: these alone, () = all that the log has.
@@ -51,7 +51,7 @@ class Part:
         """Of the axis."""
         return "time [s]" if self.over == "time" else "distance [m]"
 
-    def of(self, curve: Curve | Inputs) -> Floats:
+    def of(self, curve: Curve | SensorPlot) -> Floats:
         """Abscissas of a curve. Raises LogReadError where the log tells no distance."""
         if self.over == "time":
             return curve.time
@@ -59,7 +59,7 @@ class Part:
             raise LogReadError("the log has no speed, so no distance; draw it over time")
         return curve.distance
 
-    def inside(self, curve: Curve | Inputs) -> Bools:
+    def inside(self, curve: Curve | SensorPlot) -> Bools:
         """The samples of a curve that are shown; over distance one of each stop."""
         x = self.of(curve)
         shown = np.ones(len(x), np.bool_)
@@ -72,12 +72,12 @@ class Part:
         return shown
 
 
-WHOLE = Part()
+WHOLE = Extent()
 PANELS = {"speed": "speed [m/s]", "altitude": "altitude [m]"}  # inputs shown below the angles
 
 
 def write_figure(
-    view: DriveView, path: Path, part: Part = WHOLE, further: Sequence[str] = ()
+    view: DriveView, path: Path, part: Extent = WHOLE, further: Sequence[str] = ()
 ) -> None:
     """Write angles (left) and errors (right), one row an angle, with ±2 sd bands.
 
@@ -86,7 +86,7 @@ def write_figure(
     """
     import matplotlib
 
-    figure_of: Callable[[DriveView, Part], Figure] = angle_figure
+    figure_of: Callable[[DriveView, Extent], Figure] = angle_figure
     if further:
         figure_of = partial(field_figure, fields=_chosen(view, further))
     elif not view.ranges:
@@ -110,7 +110,7 @@ def write_figure(
             figure.savefig(file, format=kind, dpi=DPI, metadata=date)
 
 
-def angle_figure(view: DriveView, part: Part = WHOLE) -> Figure:
+def angle_figure(view: DriveView, part: Extent = WHOLE) -> Figure:
     """The figure itself, for notebooks."""
     from matplotlib.figure import Figure
 
@@ -150,7 +150,7 @@ def _title(view: DriveView, stops: Sequence[tuple[float, float]]) -> str:
     return f"{view.name}: {'; '.join(parts)}"
 
 
-def _stops(view: DriveView, part: Part) -> list[tuple[float, float]]:
+def _stops(view: DriveView, part: Extent) -> list[tuple[float, float]]:
     """Where the first log's car stands, in the figure's abscissas."""
     inputs = next(iter(view.inputs.get("speed", {}).values()), None)
     if inputs is None:
@@ -163,7 +163,7 @@ def _stops(view: DriveView, part: Part) -> list[tuple[float, float]]:
     return [(max(a, low), min(b, high)) for a, b in spans if b >= low and a <= high]
 
 
-def field_figure(view: DriveView, part: Part, fields: Mapping[str, FieldPlot]) -> Figure:
+def field_figure(view: DriveView, part: Extent, fields: Mapping[str, FieldPlot]) -> Figure:
     """Further channels beside their truth (left) and their errors (right), one row a field."""
     from matplotlib.figure import Figure
 
@@ -195,7 +195,7 @@ def _chosen(view: DriveView, further: Sequence[str]) -> dict[str, FieldPlot]:
     return chosen
 
 
-def _field(axis: Axes, plot: FieldPlot, part: Part, color: Mapping[str, str]) -> dict[str, Any]:
+def _field(axis: Axes, plot: FieldPlot, part: Extent, color: Mapping[str, str]) -> dict[str, Any]:
     """Truth and estimates of one field; name -> what the legend shows."""
     at = part.inside(plot.truth)
     gray = f"#{colors.TRUTH:06x}"
@@ -207,7 +207,7 @@ def _field(axis: Axes, plot: FieldPlot, part: Part, color: Mapping[str, str]) ->
     return {name: lines[0] for name, lines in drawn.items()}
 
 
-def _field_errors(axis: Axes, plot: FieldPlot, part: Part, color: Mapping[str, str]) -> list[str]:
+def _field_errors(axis: Axes, plot: FieldPlot, part: Extent, color: Mapping[str, str]) -> list[str]:
     """Errors about their bands; RMSE in words."""
     at, said = part.inside(plot.truth), []
     for name, curve in plot.estimates.items():
@@ -222,7 +222,7 @@ def _field_errors(axis: Axes, plot: FieldPlot, part: Part, color: Mapping[str, s
 
 
 def _finish_figure(
-    figure: Figure, axes: Any, view: DriveView, part: Part, drawn: Mapping[str, Any]
+    figure: Figure, axes: Any, view: DriveView, part: Extent, drawn: Mapping[str, Any]
 ) -> None:
     """The axis of time below, the legend above."""
     for column in axes.T:  # the lowest that is drawn has the axis of time
@@ -243,7 +243,7 @@ def _finish_figure(
 
 
 def _angle(
-    axis: Axes, view: DriveView, angle: str, part: Part, color: dict[str, str]
+    axis: Axes, view: DriveView, angle: str, part: Extent, color: dict[str, str]
 ) -> dict[str, Any]:
     """Truth and estimates of one angle; name -> what the legend shows."""
     drawn: dict[str, Any] = {}
@@ -264,7 +264,7 @@ def _angle(
     return drawn
 
 
-def _limits(view: DriveView, angle: str, part: Part) -> tuple[float, float]:
+def _limits(view: DriveView, angle: str, part: Extent) -> tuple[float, float]:
     """Of an angle's axis: the view's, or of a part what is drawn in it."""
     if part.first is None and part.last is None:
         return view.ranges[angle]
@@ -278,7 +278,7 @@ def _limits(view: DriveView, angle: str, part: Part) -> tuple[float, float]:
     return low - room, high + room
 
 
-def _errors(axis: Axes, view: DriveView, angle: str, part: Part, color: dict[str, str]) -> None:
+def _errors(axis: Axes, view: DriveView, angle: str, part: Extent, color: dict[str, str]) -> None:
     """Errors of one angle about their bands, and their RMSE in words."""
     said, widths, unit = [], [], view.unit(angle)
     for name in reversed(view.shown[angle]):
@@ -300,7 +300,7 @@ def _errors(axis: Axes, view: DriveView, angle: str, part: Part, color: dict[str
     _finish(axis, f"{angle} error [{unit}]", (min(low, -widest), max(high, widest)))
 
 
-def _panel(axis: Axes, view: DriveView, panel: str, part: Part) -> None:
+def _panel(axis: Axes, view: DriveView, panel: str, part: Extent) -> None:
     """A signal that explains the angles: the first one known of each log."""
     for inputs in view.inputs[panel].values():
         known = np.isfinite(inputs.values).any(axis=0)
@@ -311,7 +311,7 @@ def _panel(axis: Axes, view: DriveView, panel: str, part: Part) -> None:
     _plain(axis)
 
 
-def _hatch(axis: Axes, curve: Curve, part: Part) -> None:
+def _hatch(axis: Axes, curve: Curve, part: Extent) -> None:
     """Spans without a valid value."""
     x, missing = part.of(curve), part.inside(curve) & ~np.isfinite(curve.values)
     for run in runs(missing):
@@ -322,7 +322,7 @@ def _hatch(axis: Axes, curve: Curve, part: Part) -> None:
             )  # fmt: skip
 
 
-def _band(axis: Axes, curve: Curve, center: Any, color: str, part: Part) -> None:
+def _band(axis: Axes, curve: Curve, center: Any, color: str, part: Extent) -> None:
     if curve.sd is not None:
         at = part.inside(curve)
         low, high = (center - 2 * curve.sd)[at], (center + 2 * curve.sd)[at]

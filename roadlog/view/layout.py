@@ -13,7 +13,7 @@ from roadlog.view.model import DriveView
 from roadlog.view.names import MORE, TIMELINE, path
 from roadlog.view.scene import EXAGGERATION
 from roadlog.view.stops import HEIGHT, MAGNIFIED, WIDTH
-from roadlog.view.track import Track
+from roadlog.view.track import MapTrack
 
 # the viewer's constant for the time axis that linked plots share (Rerun 0.41, not public)
 _SHARED_AXIS = "view/5c0dca6a-e63f-9cf7-f657-2602590474cc/TimeAxis"
@@ -175,7 +175,7 @@ def _flat_tracks(view: DriveView, labels: bool = True) -> list[Any]:
     ]
 
 
-def _bounds(track: Track) -> rrb.VisualBounds2D:
+def _bounds(track: MapTrack) -> rrb.VisualBounds2D:
     east, south = (
         (np.min(track.east), np.max(track.east)),
         (-np.max(track.north), -np.min(track.north)),

@@ -22,7 +22,7 @@ from roadlog.view.runs import Run, load_runs
 from roadlog.view.scene import Scene, drive_scene
 from roadlog.view.stops import StopPicture, stop_pictures
 from roadlog.view.summary import summary_texts
-from roadlog.view.track import Track, drive_track
+from roadlog.view.track import MapTrack, drive_track
 
 DEFAULT_RATE = 20.0  # Hz; 100 Hz makes files five times larger and the viewer slow
 SHOWN_FIRST = 3  # estimators of one angle that are drawn when a tab opens; more overlap too much
@@ -34,7 +34,7 @@ BINS = 60  # of an error histogram
 
 
 @dataclass(frozen=True)
-class Inputs:
+class SensorPlot:
     """Sensor signals of one plot: names and the columns (n, k) they name, in `unit`."""
 
     unit: str
@@ -71,12 +71,12 @@ class DriveView:
     estimates: dict[str, dict[str, Curve]]
     errors: dict[str, dict[str, Curve]]
     histograms: dict[str, dict[str, Histogram]]
-    inputs: dict[str, dict[str, Inputs]]
+    inputs: dict[str, dict[str, SensorPlot]]
     ranges: dict[str, tuple[float, float]]
     error_ranges: dict[str, tuple[float, float]]
     fields: dict[str, FieldPlot]
     lanes: dict[str, Lane]
-    tracks: dict[str, Track]
+    tracks: dict[str, MapTrack]
     scene: Scene | None
     stops: dict[str, StopPicture]
     texts: dict[str, str]
@@ -254,8 +254,8 @@ def _error_curve(run: Run, error: AngleErrors) -> Curve:
     return on_clock(run, error.time, values, np.degrees(error.sd))
 
 
-def _inputs(drives: Sequence[Run]) -> dict[str, dict[str, Inputs]]:
-    result: dict[str, dict[str, Inputs]] = {}
+def _inputs(drives: Sequence[Run]) -> dict[str, dict[str, SensorPlot]]:
+    result: dict[str, dict[str, SensorPlot]] = {}
     for plot, (unit, roles) in _INPUTS.items():
         for run in drives:
             drive: Drive = run.drive
@@ -268,7 +268,7 @@ def _inputs(drives: Sequence[Run]) -> dict[str, dict[str, Inputs]]:
                     run.labeled(role if len(sections) > 1 else role.partition(".")[2])
                     for role in there
                 )
-                result.setdefault(plot, {})[run.name] = Inputs(
+                result.setdefault(plot, {})[run.name] = SensorPlot(
                     unit, names, drive.time, values, run.distance
                 )
     return result

@@ -20,7 +20,7 @@ from roadlog.view.names import APPLICATION, BAND, DISTANCE, MORE, SHOWN, TIMELIN
 from roadlog.view.scene import Scene
 from roadlog.view.stops import TITLE, StopPicture
 from roadlog.view.streams import rgba, send_stream, write_stream
-from roadlog.view.track import Track
+from roadlog.view.track import MapTrack
 
 TRUTH_WIDTH, WIDTH_2D = 3.0, 2.0  # screen points
 CURVE_WIDTH = 1.5
@@ -213,7 +213,7 @@ def _coarse(values: Floats) -> Floats:
     return np.ldexp(np.round(fraction * 2.0**7), exponent - 7)
 
 
-def _track(recording: rr.RecordingStream, name: str, track: Track) -> None:
+def _track(recording: rr.RecordingStream, name: str, track: MapTrack) -> None:
     limit = grade_limit(track.grade)
     shades = colors.grade_colors(track.grade, limit)
     pieces = [slice(a, b + 1) for a, b in _pieces(shades)]

@@ -17,7 +17,7 @@ FAR = 10.0  # a fix this many times farther off than 90 % of them are is a wrong
 
 
 @dataclass(frozen=True)
-class Track:
+class MapTrack:
     """A path seen from above.
 
     time: s. east, north: m from the first point. grade: degrees, NaN where unknown.
@@ -34,7 +34,7 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Path:
+class Poses:
     """Position and yaw at times: m and rad, x east and y north of the start, z up."""
 
     time: Floats
@@ -45,7 +45,7 @@ class Path:
     source: str
 
 
-def drive_track(run: Run) -> Track | None:
+def drive_track(run: Run) -> MapTrack | None:
     """GNSS fixes, else the true path, else dead reckoning; None when there is none of them."""
     grade, grade_source = best_angle(run, "grade")
     found = _fixes(run)
@@ -62,7 +62,7 @@ def drive_track(run: Run) -> Track | None:
         time, east, north, source = path.time, path.x, path.y, path.source
     values = np.interp(time, run.drive.time, np.degrees(grade))
     keep = slice(None, None, max(1, -(-len(time) // MAX_POINTS)))
-    return Track(
+    return MapTrack(
         time[keep],
         east[keep],
         north[keep],
@@ -73,7 +73,7 @@ def drive_track(run: Run) -> Track | None:
     )
 
 
-def drive_path(run: Run) -> Path | None:
+def drive_path(run: Run) -> Poses | None:
     """The car's path at the drive's times: true, else dead reckoning from speed and yaw rate.
 
     Heights of dead reckoning come from the best grade that the log has. None without a speed.
@@ -86,7 +86,7 @@ def drive_path(run: Run) -> Path | None:
         if all(np.isfinite(values).all() for values in columns.values()):
             columns["heading"] = np.unwrap(columns["heading"])
             x, y, z, yaw = (np.interp(time, own, values) for values in columns.values())
-            return Path(time, x, y, z - z[0], yaw, "true path")
+            return Poses(time, x, y, z - z[0], yaw, "true path")
     if run.distance is None:
         return None
     drive = run.drive
@@ -97,7 +97,7 @@ def drive_path(run: Run) -> Path | None:
     step = np.diff(run.distance, prepend=0.0)
     grade, _ = best_angle(run, "grade")
     slope = np.nan_to_num(grade)
-    return Path(
+    return Poses(
         time,
         np.cumsum(step * np.cos(yaw) * np.cos(slope)),
         np.cumsum(step * np.sin(yaw) * np.cos(slope)),

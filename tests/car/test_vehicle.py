@@ -2,7 +2,7 @@ import dataclasses
 
 import pytest
 
-from roadlog.car.vehicle import PRESETS, Source, Vehicle
+from roadlog.car.vehicle import PRESETS, ValueSource, Vehicle
 from roadlog.errors import ConfigError
 
 SALOON = """
@@ -35,10 +35,10 @@ def test_file_values_and_sources() -> None:
     assert car.tank_sender == (0.15, 0.0)
     assert car.imu_mount == ((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))
     assert car.speed_delay == -0.02
-    assert car.source("imu_mount") == Source("calibrated", axis_sd=(0.03, 0.001, 0.002))
-    assert car.source("mass") == Source("given")
-    assert car.source("pitch_gradient") == Source("calibrated", 0.0002)
-    assert car.source("drag_area") == Source("default")
+    assert car.source("imu_mount") == ValueSource("calibrated", axis_sd=(0.03, 0.001, 0.002))
+    assert car.source("mass") == ValueSource("given")
+    assert car.source("pitch_gradient") == ValueSource("calibrated", 0.0002)
+    assert car.source("drag_area") == ValueSource("default")
 
 
 @pytest.mark.parametrize("car", [Vehicle.from_toml(SALOON), *map(Vehicle.preset, PRESETS)])

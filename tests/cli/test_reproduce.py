@@ -99,7 +99,7 @@ def test_massel_prints_its_tables(roadlog) -> None:
 
 def test_documented_figures_are_those_of_a_run_that_updates(monkeypatch, tmp_path) -> None:
     """And of no hand: a later run shows them beside its own."""
-    row = reproduce.Row("case", "printed", "RMSE", "deg", 2.0, 1.23456789)
+    row = reproduce.ResultRow("case", "printed", "RMSE", "deg", 2.0, 1.23456789)
     table = reproduce.ResultTable("table", [row])
     own = reproduce.Reproduction("wang2025", [table], [])
     monkeypatch.setattr("roadlog.reproduce.documented.FOLDER", tmp_path / "figures")
@@ -114,7 +114,7 @@ def test_documented_figures_are_those_of_a_run_that_updates(monkeypatch, tmp_pat
 def test_figures_stand_beside_their_tables_on_one_page(tmp_path) -> None:
     from roadlog.reproduce import page
 
-    row = reproduce.Row("case", "printed", "RMSE", "deg", 2.0, 4.0)
+    row = reproduce.ResultRow("case", "printed", "RMSE", "deg", 2.0, 4.0)
     claim = reproduce.Claim("it <holds>", False, "no", "because")
     table = reproduce.ResultTable("Table 1", [row], "a=b")
     written = page.write(

@@ -9,7 +9,7 @@ from scipy import signal
 from roadlog.filters.correlate import correlate
 from roadlog.filters.lowpass import gaussian_mean
 from roadlog.filters.spectrum import welch
-from roadlog.motion.lag import Spline, Track
+from roadlog.motion.lag import SpeedTrack, Spline
 
 RNG = np.random.default_rng(4)
 
@@ -48,5 +48,5 @@ def test_the_spline_is_scipys() -> None:
     value = np.cumsum(RNG.normal(size=400))
     at = np.linspace(time[0], time[-1], 3000)[:-1]
     place = np.searchsorted(time, at, side="right") - 1
-    ours = Spline.through(Track(time, value))(at, place)
+    ours = Spline.through(SpeedTrack(time, value))(at, place)
     np.testing.assert_allclose(ours, CubicSpline(time, value, bc_type="natural")(at), atol=1e-10)

@@ -105,7 +105,7 @@ def test_an_object_that_was_changed_meanwhile_stays(
         store.upload_file(str(tmp_path / "a.mcap"), "fleet", "changed/a.mcap")
         (source,) = sources.find(["s3://fleet/changed"])
 
-        def late(source: sources.Source, path: Path) -> sources.Source:
+        def late(source: sources.FoundLog, path: Path) -> sources.FoundLog:
             store.put_object(Bucket="fleet", Key="changed/a.mcap", Body=foreign)
             return put_back(source, path)
 

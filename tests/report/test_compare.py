@@ -8,12 +8,12 @@ import pytest
 
 from roadlog.report.compare import FLOOR, compare
 from roadlog.report.row import Options, empty_row
-from roadlog.report.sources import Source
+from roadlog.report.sources import FoundLog
 
 
 def row(log: str, status: str = "ok", **rmse: float) -> dict[str, Any]:
     """A row with RMSEs of the grade, by estimator."""
-    made = empty_row(Source(log, Path(log).name, 1, "1"), Options()) | {"status": status}
+    made = empty_row(FoundLog(log, Path(log).name, 1, "1"), Options()) | {"status": status}
     return made | {"angles": {name: {"grade": {"rmse_deg": v}} for name, v in rmse.items()}}
 
 

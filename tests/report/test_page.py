@@ -13,21 +13,21 @@ from support.drives import hill_tables, table
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.log import create
-from roadlog.report.batch import Engine
+from roadlog.report.batch import Executor
 from roadlog.report.page import write_assets, write_index
 from roadlog.report.row import Options, empty_row
 from roadlog.report.run import finish, output_folder, run
-from roadlog.report.sources import Source, find
+from roadlog.report.sources import FoundLog, find
 
 HOSTILE = "<img src=x onerror=alert(1)>.mcap"
 OPTIONS = Options(("kmbe", "lowpass_attitude", "ls_window"))
 pytestmark = pytest.mark.needs_browser
 
 
-def in_threads(jobs: int = 1) -> Engine:
+def in_threads(jobs: int = 1) -> Executor:
     """The seam is an Executor, so a thread does as well as a cluster."""
     executor = ThreadPoolExecutor(jobs)
-    return Engine(executor, jobs, lambda: None, executor.shutdown)
+    return Executor(executor, jobs, lambda: None, executor.shutdown)
 
 
 def positions(duration: float, offset: float = 0.0) -> Any:
@@ -226,7 +226,7 @@ def synthetic_rows(count: int, seed: int = 1) -> list[dict[str, Any]]:
     estimators = ("fusion", "kmbe", "debe", "ekf_suspension", "lowpass_attitude")
     rows = []
     for k in range(count):
-        source = Source(f"/fleet/{k % 97:02d}/{k:06d}.mcap", f"{k % 97:02d}/{k:06d}.mcap", 1, "1")
+        source = FoundLog(f"/fleet/{k % 97:02d}/{k:06d}.mcap", f"{k % 97:02d}/{k:06d}.mcap", 1, "1")
         row = empty_row(source, Options())
         if k % 50 == 0:
             rows.append(row | {"status": "failed", "message": f"no signal {k}"})

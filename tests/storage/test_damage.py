@@ -142,7 +142,7 @@ def test_cut_between_two_records(drive: Path, index_types: IndexType) -> None:
     whole = 600
     foreign(drive, whole, chunk_size=8_000, index_types=index_types)
     data = drive.read_bytes()
-    ends = [at.end for at in container.outer_records(container.Source(drive))]
+    ends = [at.end for at in container.outer_records(container.ByteSource(drive))]
     assert len(ends) > 10
     for end in ends[:-1]:
         drive.write_bytes(data[:end])

@@ -20,7 +20,7 @@ from support.results import TOPIC, put, result
 
 from roadlog.errors import LogReadError
 from roadlog.storage import LogReader, journal, schemas, update_log, write_log
-from roadlog.storage.container import Source, crc_of
+from roadlog.storage.container import ByteSource, crc_of
 from roadlog.storage.crc import before
 
 
@@ -156,7 +156,7 @@ def test_a_log_that_was_cut_becomes_whole(log: Path) -> None:
 def test_crc_of_a_beginning_follows_from_that_of_the_whole(tmp_path: Path) -> None:
     path = tmp_path / "x"
     path.write_bytes(random.Random(1).randbytes(3000))
-    source = Source(path)
+    source = ByteSource(path)
     for cut in (0, 1, 1234, 2999, 3000):
         rest = crc_of(source, cut, 3000)
         assert before(crc_of(source, 0, 3000), rest, 3000 - cut) == crc_of(source, 0, cut)

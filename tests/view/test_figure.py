@@ -19,7 +19,7 @@ from roadlog.cli import app
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.log import DriveLog, create
 from roadlog.view import colors
-from roadlog.view.figure import Part, angle_figure, write_figure
+from roadlog.view.figure import Extent, angle_figure, write_figure
 from roadlog.view.model import DriveView, drive_view
 from roadlog.view.slopes import in_percent
 
@@ -44,7 +44,7 @@ def test_figure_over_a_part_of_the_distance(log: DriveLog) -> None:
     distance = view.estimates["grade"]["kmbe"].distance
     assert distance is not None
     first, last = np.percentile(distance, [20, 60])
-    figure = angle_figure(view, Part("distance", first, last))
+    figure = angle_figure(view, Extent("distance", first, last))
     line = figure.axes[0].get_lines()[-1]
     x = line.get_xdata()
     assert first <= x.min() <= x.max() <= last
@@ -83,10 +83,10 @@ def test_slopes_in_percent(log: DriveLog) -> None:
 def test_figure_of_single_angles(log: DriveLog, tmp_path: Path) -> None:
     view = drive_view(log, ["kmbe"])
     assert len(view.ranges) > 1
-    labels = [axis.get_ylabel() for axis in angle_figure(view, Part(angles=("grade",))).axes]
+    labels = [axis.get_ylabel() for axis in angle_figure(view, Extent(angles=("grade",))).axes]
     assert [label for label in labels if label.endswith("[°]")] == ["grade [°]", "grade error [°]"]
     with pytest.raises(LogReadError, match=r"no angle 'grde'\. Close: grade"):
-        write_figure(view, tmp_path / "x.png", Part(angles=("grde",)))
+        write_figure(view, tmp_path / "x.png", Extent(angles=("grde",)))
 
 
 @pytest.mark.parametrize(
@@ -167,7 +167,7 @@ def test_a_stop_is_a_mark_over_time_and_no_spike_over_distance(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     view = stop_and_go()
-    over_time, over_distance = angle_figure(view), angle_figure(view, Part("distance"))
+    over_time, over_distance = angle_figure(view), angle_figure(view, Extent("distance"))
     for figure in (over_time, over_distance):
         assert figure.axes[0].get_title(loc="left") == "pass: truth; stops marked at the foot"
         assert len(figure.axes[0].patches) >= 2

@@ -7,7 +7,7 @@ Source: docs/methods/fusion.md#smoother.
 
 from __future__ import annotations
 
-from roadlog.estimators.fusion.states import DECAYING, DRIVEN, MOVING, W_THETA, N, State
+from roadlog.estimators.fusion.states import DECAYING, DRIVEN, MOVING_STATES, W_THETA, N, State
 from roadlog.jit import compiled
 from roadlog.types import Floats, Record
 
@@ -168,8 +168,8 @@ def altitude_back(y: Floats, L: Floats) -> None:
 
 @compiled
 def forget_moving(y: Floats, L: Floats) -> None:
-    """The adjoint before a restart: nothing behind it depends on the MOVING states before it."""
-    for i in MOVING:
+    """The adjoint before a restart: no moving state before it matters behind it."""
+    for i in MOVING_STATES:
         y[i] = 0.0
         for j in range(N):
             L[i, j] = L[j, i] = 0.0

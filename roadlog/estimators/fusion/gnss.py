@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from roadlog.drive import Drive, Samples
 from roadlog.estimators.fusion.speed import SpeedSource, known_samples
-from roadlog.estimators.fusion.steps import RATE, Fix
+from roadlog.estimators.fusion.steps import STEP_RATE, Fix
 from roadlog.geo import LocalPlane
 from roadlog.types import Bools, Floats
 
@@ -113,7 +113,7 @@ def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: 
     place = np.stack([np.interp(at, own, east), np.interp(at, own, north)], axis=1)
     height, driven = np.interp(at, own, altitude), np.interp(at, own, path)
     run = np.cumsum(~alive)  # the same number on both sides of no gap
-    tree, at_step = cKDTree(place), np.round(at * RATE).astype(np.int64)
+    tree, at_step = cKDTree(place), np.round(at * STEP_RATE).astype(np.int64)
     earlier = np.searchsorted(at, at - REVISIT_TIME)
     kept = 0
     for j, close in _neighbors(tree, place):
@@ -149,7 +149,7 @@ def _neighbors(tree: cKDTree, place: Floats) -> Iterator[tuple[int, NDArray[np.i
 def _place(
     fixes: Floats, sd: Floats, column: int, own: Floats, values: Floats, spread: Floats
 ) -> None:
-    index = np.round(own * RATE).astype(np.int64)
+    index = np.round(own * STEP_RATE).astype(np.int64)
     use = np.isfinite(values) & (index >= 0) & (index < len(fixes))
     fixes[index[use], column] = values[use]
     sd[index[use], column] = spread[use]

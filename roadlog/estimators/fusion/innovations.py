@@ -19,7 +19,7 @@ from roadlog.types import Floats
 ADAPTED = (Row.SLIP, Row.ALTITUDE, Row.BAROMETER)
 MIN_SAMPLES = 50
 UNCORRELATED = 0.05  # autocorrelation, below which the sum ends
-LONGEST = 20.0  # s, of correlation that is looked for
+MAX_CORRELATION = 20.0  # s, of correlation that is looked for
 CHANGED = 1.5  # factor of an sd, below which the filter is not run again
 
 
@@ -42,7 +42,7 @@ def misfit(innovations: Floats, dt: float) -> Floats:
         at = np.flatnonzero(np.isfinite(innovations[:, kind]))
         if len(at) >= MIN_SAMPLES:
             z = innovations[at, kind]
-            lags = int(LONGEST / dt / np.median(np.diff(at)))
+            lags = int(MAX_CORRELATION / dt / np.median(np.diff(at)))
             result[kind] = np.sqrt(np.mean(z**2) * correlated(z, max(lags, 1)))
     return result
 

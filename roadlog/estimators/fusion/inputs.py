@@ -19,7 +19,7 @@ from roadlog.estimators.fusion.mounting import Mounting
 from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.speed import SpeedSource, binned, interpolated, on_time, speed_source
 from roadlog.estimators.fusion.states import N, State
-from roadlog.estimators.fusion.steps import RATE, Fix, Steps, Sway, grid
+from roadlog.estimators.fusion.steps import STEP_RATE, Fix, Steps, Sway, grid
 from roadlog.estimators.fusion.torque import torque_bias
 from roadlog.filters.kernels import odd_window, slope
 from roadlog.filters.lowpass import first_order, second_order
@@ -98,7 +98,7 @@ def build(drive: Drive, vehicle: Vehicle, source: SpeedSource, params: FusionPar
     """
     time = grid(drive)
     n = len(time)
-    dt = 1 / RATE
+    dt = 1 / STEP_RATE
     mean, point, alive = _imu(drive, time)
     if not alive.any():
         raise EstimatorError(
@@ -153,14 +153,14 @@ def _sway(point: Floats, vehicle: Vehicle) -> Floats:
     lateral_inertia, lateral_lag = body_mode(vehicle, "roll")
     sway = np.empty((len(point), len(Sway)))
     in_plane, in_bend = 1 - G * vehicle.pitch_gain, 1 - G * vehicle.roll_gain
-    sway[:, Sway.FORWARD] = in_plane * first_order(point[:, 0], lag, RATE)
-    sway[:, Sway.FORWARD_MAGNITUDE] = in_plane * first_order(np.abs(point[:, 0]), lag, RATE)
-    sway[:, Sway.LATERAL] = in_bend * first_order(point[:, 1], lateral_lag, RATE)
-    sway[:, Sway.TIRE] = in_bend * second_order(point[:, 1], *TIRE_MODE, RATE)
+    sway[:, Sway.FORWARD] = in_plane * first_order(point[:, 0], lag, STEP_RATE)
+    sway[:, Sway.FORWARD_MAGNITUDE] = in_plane * first_order(np.abs(point[:, 0]), lag, STEP_RATE)
+    sway[:, Sway.LATERAL] = in_bend * first_order(point[:, 1], lateral_lag, STEP_RATE)
+    sway[:, Sway.TIRE] = in_bend * second_order(point[:, 1], *TIRE_MODE, STEP_RATE)
     p, q = point[:, 3], point[:, 4]
-    sway[:, Sway.PITCH_INERTIA] = inertia * (q - first_order(q, lag, RATE)) / lag
+    sway[:, Sway.PITCH_INERTIA] = inertia * (q - first_order(q, lag, STEP_RATE)) / lag
     sway[:, Sway.ROLL_INERTIA] = (
-        -lateral_inertia * (p - first_order(p, lateral_lag, RATE)) / lateral_lag
+        -lateral_inertia * (p - first_order(p, lateral_lag, STEP_RATE)) / lateral_lag
     )
     return sway
 
@@ -183,7 +183,7 @@ def _imu(drive: Drive, time: Floats) -> tuple[Floats, Floats, Bools]:
         own = samples.time[known], values[known, triad]
         alive &= _on_steps(*own, time, mean[:, triad], point[:, triad])
     for run in runs(alive):
-        if time[run.stop - 1] - time[run.start] < MIN_RUN - 1 / RATE:
+        if time[run.stop - 1] - time[run.start] < MIN_RUN - 1 / STEP_RATE:
             alive[run] = False
     return mean, point, alive
 
@@ -200,7 +200,7 @@ def _on_steps(own: Floats, values: Floats, time: Floats, mean: Floats, point: Fl
         if len(part) < 2 or len(inside) < 2:
             continue
         integral = _integral(own[part], values[part], time[inside])
-        step = np.diff(integral, axis=0) * RATE
+        step = np.diff(integral, axis=0) * STEP_RATE
         run = slice(inside[0], inside[-1] + 1)
         mean[run] = np.concatenate([step, step[-1:]])
         point[run] = np.concatenate([step[:1], 0.5 * (step[1:] + step[:-1]), step[-1:]])
@@ -263,7 +263,7 @@ def _standstill(speed: Floats, point: Floats, alive: Bools) -> Bools:
     """Where the car stands and nothing moves it; docs/methods/fusion.md#standstill-rows."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-    window = 2 * round(STILL_TIME * RATE) + 1
+    window = 2 * round(STILL_TIME * STEP_RATE) + 1
     moving = ~(np.abs(speed) < STILL_SPEED) | ~alive
     still = maximum_filter1d(moving.astype(np.int8), window) == 0
     if not still.any():
@@ -279,7 +279,7 @@ def _standstill(speed: Floats, point: Floats, alive: Bools) -> Bools:
 def _start(run: slice, steps: Steps, speed: Floats) -> Floats:
     """The moving states at the beginning of a run of the IMU; docs/methods/fusion.md#start."""
     x = np.zeros(N)
-    head = slice(run.start, min(run.stop, run.start + round(START * RATE)))
+    head = slice(run.start, min(run.stop, run.start + round(START * STEP_RATE)))
     known = np.flatnonzero(np.isfinite(speed[head]))
     v = speed[head][known]
     if len(known):

@@ -13,7 +13,7 @@ from roadlog.car.suspension import knows_springs, roll_gradient
 from roadlog.drive import runs
 from roadlog.estimators.fusion.inputs import Inputs
 from roadlog.estimators.fusion.states import ROWS
-from roadlog.estimators.fusion.steps import RATE, Steps
+from roadlog.estimators.fusion.steps import STEP_RATE, Steps
 from roadlog.motion.imu_noise import ImuNoise
 from roadlog.types import Floats, Record
 from roadlog.units import DEG
@@ -159,7 +159,7 @@ def _used_per_s(inputs: Inputs) -> float:
     than its samples share one.
     """
     rate = 1 / max(float(np.median(np.diff(inputs.drive.native["imu"].time))), 1e-9)
-    return float(np.clip(rate, 1 / INTERVAL, RATE / 2))
+    return float(np.clip(rate, 1 / INTERVAL, STEP_RATE / 2))
 
 
 def _body_per_vibration(inputs: Inputs) -> float:
@@ -190,8 +190,8 @@ def vibration(steps: Steps) -> float:
         size = run.stop - run.start
         frequency, psd = welch(
             steps.force_at[run, 2],
-            RATE,
-            nperseg=min(size, round(10 * RATE)),
+            STEP_RATE,
+            nperseg=min(size, round(10 * STEP_RATE)),
             detrend="linear",
             average="median",
         )

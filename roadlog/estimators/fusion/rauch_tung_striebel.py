@@ -13,7 +13,7 @@ from roadlog.estimators.fusion.states import (
     DECAYING,
     DRIVEN,
     DRIVERS,
-    MOVING,
+    MOVING_STATES,
     ROWS,
     W_THETA,
     N,
@@ -60,7 +60,7 @@ def rauch_tung_striebel(
         if s.start >= 0:
             restart(x, kf.P, steps.starts[s.start], P0)
             kf.x = x.reshape(N, 1)
-            F = np.diag(~np.isin(np.arange(N), MOVING)).astype(np.float64)
+            F = np.diag(~np.isin(np.arange(N), MOVING_STATES)).astype(np.float64)
         else:
             if s.clone:
                 x[State.KEPT_ALTITUDE] = x[State.ALTITUDE]

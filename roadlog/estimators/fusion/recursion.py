@@ -9,7 +9,7 @@ import numpy as np
 
 from roadlog.estimators.fusion.model import coupling, process_noise, propagate
 from roadlog.estimators.fusion.rows import row
-from roadlog.estimators.fusion.states import DECAYING, DRIVEN, MOVING, N
+from roadlog.estimators.fusion.states import DECAYING, DRIVEN, MOVING_STATES, N
 from roadlog.jit import compiled
 from roadlog.types import Floats, Record
 
@@ -19,12 +19,12 @@ OWN_STATES = np.empty((0, N))  # linearise at the filter's own states
 @compiled
 def restart(x: Floats, P: Floats, x_start: Floats, P0: Floats) -> None:
     """Begin again after a gap of the IMU, in place: the constants carry over, all else does not."""
-    for i in MOVING:
+    for i in MOVING_STATES:
         x[i] = x_start[i]
         for j in range(N):
             P[i, j] = P[j, i] = 0.0
-    for i in MOVING:
-        for j in MOVING:
+    for i in MOVING_STATES:
+        for j in MOVING_STATES:
             P[i, j] = P0[i, j]
 
 

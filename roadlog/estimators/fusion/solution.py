@@ -30,7 +30,7 @@ from roadlog.estimators.fusion.states import (
     Row,
     State,
 )
-from roadlog.estimators.fusion.steps import HEIGHTS, RATE, Steps, beginning, grid, has
+from roadlog.estimators.fusion.steps import HEIGHTS, STEP_RATE, Steps, beginning, grid, has
 from roadlog.filters import Engine
 from roadlog.filters.lowpass import gaussian
 from roadlog.types import Bools, Floats
@@ -119,7 +119,7 @@ def _slow(values: Floats, alive: Bools) -> Floats:
     """Below ROAD_BAND, over each run of the IMU."""
     result = values.copy()
     for run in runs(alive):
-        result[run] = gaussian(values[run], ROAD_BAND, RATE)
+        result[run] = gaussian(values[run], ROAD_BAND, STEP_RATE)
     return result
 
 

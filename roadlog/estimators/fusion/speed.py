@@ -11,7 +11,7 @@ import numpy as np
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, Samples, nan_mean
-from roadlog.estimators.fusion.steps import RATE
+from roadlog.estimators.fusion.steps import STEP_RATE
 from roadlog.motion.evidence import Evidence, unexplained
 from roadlog.types import Bools, Floats
 
@@ -101,7 +101,7 @@ def _at_rear_axle(samples: Samples, wheel: str, drive: Drive, vehicle: Vehicle) 
 
 def binned(own: Floats, values: Floats, n: int) -> Floats:
     """Mean of the samples nearest to each step; NaN where there is none."""
-    index = np.round(own * RATE).astype(np.int64)
+    index = np.round(own * STEP_RATE).astype(np.int64)
     inside = (index >= 0) & (index < n)
     count = np.bincount(index[inside], minlength=n)
     total = np.bincount(index[inside], values[inside], minlength=n)

@@ -51,7 +51,7 @@ ACCEL_BIAS = slice(State.ACCEL_BIAS_X, State.ACCEL_BIAS_Z + 1)
 MOUNTING = slice(State.MOUNTING_ROLL, State.MOUNTING_YAW + 1)
 
 # what begins anew behind a gap of the IMU; all others are constants of the drive
-MOVING = np.array(
+MOVING_STATES = np.array(
     [
         State.U,
         State.V,
@@ -67,7 +67,7 @@ MOVING = np.array(
         State.KEPT_ALTITUDE,
     ]
 )
-CONSTANTS = tuple(state for state in State if state not in MOVING)
+CONSTANTS = tuple(state for state in State if state not in MOVING_STATES)
 # states that others drive, and the number of states, the first ones, that drive them
 DRIVEN = np.array(
     [State.U, State.V, State.W, State.PHI, State.THETA, State.PSI, State.ALTITUDE],

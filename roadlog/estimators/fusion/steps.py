@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from roadlog.drive import Drive
 from roadlog.types import Bools, Floats, Records
 
-RATE = 50.0  # Hz, of the smoother's steps; 25 Hz gives the same
+STEP_RATE = 50.0  # Hz, of the smoother's steps; 25 Hz gives the same
 LEARNING = 600.0  # s of driving in which noise and mounting are observable; more costs time
 OF_THE_DRIVE = ("dt", "starts", "antenna", "height")  # what `Steps` has not one of at each step
 
@@ -119,7 +119,7 @@ def table(steps: Steps, first: int, last: int, every: int) -> Records:
 
 def grid(drive: Drive) -> Floats:
     """s, times of the smoother's steps over the drive."""
-    return np.arange(int(np.floor(drive.time[-1] * RATE + 1e-6)) + 1) / RATE
+    return np.arange(int(np.floor(drive.time[-1] * STEP_RATE + 1e-6)) + 1) / STEP_RATE
 
 
 def beginning(steps: Steps) -> Steps:

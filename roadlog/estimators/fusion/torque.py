@@ -9,7 +9,7 @@ import numpy as np
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.estimators.fusion.steps import RATE, Steps, grid
+from roadlog.estimators.fusion.steps import STEP_RATE, Steps, grid
 from roadlog.filters.kernels import odd_window, slope
 from roadlog.filters.lowpass import zero_phase
 from roadlog.signals import WHEELS
@@ -45,7 +45,7 @@ def torque_bias(drive: Drive, vehicle: Vehicle, steps: Steps) -> tuple[float, fl
     there = np.interp(time, drive.time, known.astype(np.float64)) == 1.0
     mask = there & steps.alive & (speed > MIN_SPEED) & ~steps.still
     mask &= _without(np.interp(time, drive.time, _braking(drive, force)) > 0, BRAKE_MARGIN)
-    if mask.sum() < MIN_TIME * RATE:
+    if mask.sum() < MIN_TIME * STEP_RATE:
         return None
     change = slope(speed, odd_window(ACCEL_WINDOW, steps.dt), steps.dt)
     spinning = 4 * vehicle.wheel_inertia * change / vehicle.wheel_radius**2
@@ -56,11 +56,14 @@ def torque_bias(drive: Drive, vehicle: Vehicle, steps: Steps) -> tuple[float, fl
     share = vehicle.cg_to_rear_axle / vehicle.wheelbase
     expected = pull / vehicle.mass - share * speed * steps.rate_at[:, 2] * steer
     measured = np.where(steps.alive, steps.force_at[:, 0], 0.0)
-    X, f = zero_phase(expected, CUTOFF, RATE)[mask], zero_phase(measured, CUTOFF, RATE)[mask]
+    X, f = (
+        zero_phase(expected, CUTOFF, STEP_RATE)[mask],
+        zero_phase(measured, CUTOFF, STEP_RATE)[mask],
+    )
     scale = 1 / (1 - G * vehicle.pitch_gain)
     A = np.stack([X, np.ones_like(X)], axis=1)
     residual = f - A @ np.linalg.lstsq(A, f, rcond=None)[0]
-    weight = INDEPENDENT / RATE / max(float(residual.var()), 1e-6)
+    weight = INDEPENDENT / STEP_RATE / max(float(residual.var()), 1e-6)
     information = weight * A.T @ A + np.diag([1 / SCALE_SD**2, 0.0])
     covariance = np.linalg.inv(information)
     bias = (covariance @ (weight * A.T @ f + [scale / SCALE_SD**2, 0.0]))[1]
@@ -93,4 +96,4 @@ def _braking(drive: Drive, force: Floats) -> Floats:
 def _without(mask: Bools, margin: float) -> Bools:
     from scipy.ndimage import maximum_filter1d
 
-    return maximum_filter1d(mask.astype(np.int8), 2 * round(margin * RATE) + 1) == 0
+    return maximum_filter1d(mask.astype(np.int8), 2 * round(margin * STEP_RATE) + 1) == 0

@@ -11,7 +11,7 @@ import numpy as np
 
 from roadlog.drive import Drive
 from roadlog.estimators.kim2023.stops import NOISE_MARGIN, StaticSlopeParameters, Stop, vectors
-from roadlog.estimators.kim2023.strapdown import Path, attitude, dead_reckon, to_navigation
+from roadlog.estimators.kim2023.strapdown import StrapdownPath, attitude, dead_reckon, to_navigation
 from roadlog.filters import Engine
 from roadlog.signals import ACCELERATION, DECELERATION, FLAGS
 from roadlog.types import Bools, Floats
@@ -56,7 +56,7 @@ class Event:
     kind: int
     stop: Stop
     statics: Statics
-    path: Path
+    path: StrapdownPath
     lift_off: int
     duration: float
     flags: int
@@ -139,7 +139,7 @@ class Windows:
         near = slice(min(sample, averaged.start), max(sample + 1, averaged.stop))
         aligned = not self.full or bool(self.known[near].all())
         if statics.time < params.min_averaging or not aligned or not self.known[sample]:
-            path = Path(*np.zeros((5, 1)))
+            path = StrapdownPath(*np.zeros((5, 1)))
             return Event(sample, kind, stop, statics, path, 0, 0.0, FLAGS["missing"])
         step = -self.dt if back else self.dt
         picked = slice(end, sample + 1) if back else slice(sample, end + 1)
@@ -174,7 +174,7 @@ class Windows:
         duration = (len(path) - 1) * self.dt
         return Event(sample, kind, stop, statics, path, lift_off, duration, flags)
 
-    def _judged(self, path: Path) -> int:
+    def _judged(self, path: StrapdownPath) -> int:
         """Flags of a complete window: a bent road (chord test), a car that rolled back."""
         flags = 0
         if path.chord_deviation > self.params.chord_max:

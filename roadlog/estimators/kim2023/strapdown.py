@@ -19,7 +19,7 @@ SMALL_TURN = 1e-9  # rad, below this sin(x)/x is 1
 
 
 @dataclass(frozen=True)
-class Path:
+class StrapdownPath:
     """Where a point of the body went, sample by sample from the standing position, all (m,).
 
     s: horizontal path length, m. x forward, y left, z up, m. inclination: rad, nose up +.
@@ -68,7 +68,7 @@ def dead_reckon(
     lever: Floats | None = None,
     trapezoid: bool = True,
     engine: Engine = "compiled",
-) -> Path:
+) -> StrapdownPath:
     """Integrate from a standstill until the horizontal path is `distance` or the samples end.
 
     force (n, 3), m/s2, and rate (n, 3), rad/s, bias removed: vehicle axes, in the order of
@@ -91,7 +91,7 @@ def dead_reckon(
         zero if lever is None else lever,
         trapezoid,
     )
-    return Path(*rows[:end].T)
+    return StrapdownPath(*rows[:end].T)
 
 
 def attitude(inclination: float, roll_total: float) -> Floats:

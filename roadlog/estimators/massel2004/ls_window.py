@@ -18,7 +18,7 @@ from roadlog.estimators.massel2004.regression import (
     PAPER,
     ROBUST,
     Data,
-    Fit,
+    RegressionFit,
     RegressionParameters,
     estimate_of,
     root,
@@ -47,7 +47,7 @@ class LsWindowParameters(RegressionParameters):
     smooth: bool | None = parameter(None, "", "centered window instead of the last samples")
 
 
-def fit_windows(motion: Longitudinal, n: int, source: str, centered: bool) -> Fit:
+def fit_windows(motion: Longitudinal, n: int, source: str, centered: bool) -> RegressionFit:
     """Sliding least squares over n samples; sums of centered signals, never normal equations.
 
     Not known where a window holds too few samples.
@@ -85,7 +85,7 @@ def fit_windows(motion: Longitudinal, n: int, source: str, centered: bool) -> Fi
         inclination = y2_mean / G
         inclination_sd = np.sqrt(variance_2 / safe) / G
     known = count >= MIN_SHARE * n
-    return Fit(
+    return RegressionFit(
         pitch=np.where(known, -slope_1, np.nan),
         inclination=np.where(known, inclination, np.nan),
         pitch_sd=np.sqrt(variance_1 / c_uu.clip(min=1e-30)),

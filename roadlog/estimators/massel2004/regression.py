@@ -57,7 +57,7 @@ class Data(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Fit:
+class RegressionFit:
     """Pitch and inclination, rad, NaN where they are not known, with sds.
 
     inclination_squared: rad^2, of the vertical model. excitation: std of dv/dt, m/s2. known: there
@@ -83,7 +83,7 @@ def root_sd(intercept_sd: Floats, inclination: Floats) -> Floats:
     return intercept_sd / (G * np.maximum(np.abs(inclination), MIN_ANGLE))
 
 
-def estimate_of(drive: Drive, fit: Fit, valid: Bools, flags: np.ndarray) -> Estimate:
+def estimate_of(drive: Drive, fit: RegressionFit, valid: Bools, flags: np.ndarray) -> Estimate:
     """Grade is inclination less pitch; excitation and squared inclination go along."""
     angles = {
         "grade": fit.inclination - fit.pitch,

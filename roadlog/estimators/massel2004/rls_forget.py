@@ -19,7 +19,7 @@ from roadlog.estimators.massel2004.regression import (
     PAPER,
     ROBUST,
     Data,
-    Fit,
+    RegressionFit,
     RegressionParameters,
     estimate_of,
     root,
@@ -53,7 +53,7 @@ class RlsForgetParameters(RegressionParameters):
 
 
 @dataclass(frozen=True)
-class RecursiveFit(Fit):
+class RecursiveFit(RegressionFit):
     """updated: samples that were learned from."""
 
     updated: Bools

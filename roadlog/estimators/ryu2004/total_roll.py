@@ -18,7 +18,7 @@ from roadlog.estimators.base import flag
 from roadlog.estimators.luo2024.kmbe import KmbeParameters, kmbe
 from roadlog.filters import Engine
 from roadlog.filters.gaps import age, hold
-from roadlog.filters.kalman import LinearModel, Track, kalman_filter, rts_smoother
+from roadlog.filters.kalman import LinearModel, StateTrack, kalman_filter, rts_smoother
 from roadlog.filters.kernels import odd_window, parabolic_mean, slope
 from roadlog.once import once
 from roadlog.types import Flags, Floats
@@ -219,7 +219,7 @@ def _runs(*signals: Floats) -> list[slice]:
     return runs(known)
 
 
-def _solve(model: LinearModel, smooth: bool, engine: Engine) -> Track:
+def _solve(model: LinearModel, smooth: bool, engine: Engine) -> StateTrack:
     track = kalman_filter(model, engine)
     return rts_smoother(model, track, engine) if smooth else track
 

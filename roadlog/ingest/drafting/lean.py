@@ -27,7 +27,7 @@ FOLLOWS = 0.5  # correlation from which the specific force tells the yaw
 
 
 @dataclass(frozen=True)
-class Mounting:
+class Lean:
     """The verdict on the level sensor's axes, and the matrix of it all where it leans.
 
     matrix: vehicle = matrix @ sensor; None where right angles say it. lean: rad, of the mean
@@ -45,13 +45,13 @@ class Mounting:
         return f"{{ matrix = {rows}, drafted = true }}"
 
 
-def mounting(evidence: Evidence) -> Mounting | None:
+def mounting(evidence: Evidence) -> Lean | None:
     """How an inertial sensor lies in the car; None where there is none."""
     level = _level(evidence)
     lean = 0.0 if level is None else float(np.arccos(np.clip((np.trace(level) - 1) / 2, -1, 1)))
     if level is None or lean < LEANS + _mean_slope(evidence):
         verdict = judge(evidence)
-        return None if verdict is None else Mounting(verdict, None, lean)
+        return None if verdict is None else Lean(verdict, None, lean)
     turned = _turned(evidence, level)
     verdict = judge(turned)
     if verdict is None:
@@ -60,7 +60,7 @@ def mounting(evidence: Evidence) -> Mounting | None:
     sign = -1.0 if verdict.best and verdict.best.reversed == ("imu.accel",) else 1.0
     yaw = _yaw(_turned(turned, right), sign)
     about = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-    return Mounting(verdict, about @ right @ level, lean)
+    return Lean(verdict, about @ right @ level, lean)
 
 
 def _mean_slope(evidence: Evidence) -> float:

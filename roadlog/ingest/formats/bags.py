@@ -15,7 +15,7 @@ from roadlog.storage import Channel, Table
 from roadlog.storage.columns import Columns
 from roadlog.storage.encodings import Codec, codec_of
 from roadlog.storage.records import Damage, Schema
-from roadlog.storage.topics import Part, one_table
+from roadlog.storage.topics import ChannelTable, one_table
 from roadlog.types import Stamps
 
 FIRST = 10**10  # ns from the start of a bag, where a topic's first message is looked for
@@ -89,10 +89,10 @@ class Bag(ABC):
         if any(fields is None or fields.get(topic) for topic in wanted):
             for batch in self.batches(set(columns), end_ns):
                 columns[batch.connection].add_payloads(batch.stamps, batch.payloads)
-        parts: dict[str, list[Part]] = {topic: [] for topic in wanted}
+        parts: dict[str, list[ChannelTable]] = {topic: [] for topic in wanted}
         for number, found in columns.items():
             own = self.connections[number]
-            parts[own.topic].append(Part(own.encoding, own.schema, found, {}))
+            parts[own.topic].append(ChannelTable(own.encoding, own.schema, found, {}))
         return {topic: one_table(topic, own, self._lose) for topic, own in parts.items()}
 
     def units(self, topic: str) -> Mapping[str, str]:

@@ -24,7 +24,7 @@ from roadlog.ingest.formats.can_packets import (
     is_transport,
     packets_of,
 )
-from roadlog.ingest.formats.can_signals import Stream, no_value
+from roadlog.ingest.formats.can_signals import CanStream, no_value
 from roadlog.ingest.formats.obd_bus import Answers, answers_of
 from roadlog.ingest.frame import Frame, Recording
 from roadlog.ingest.profile import Profile
@@ -79,7 +79,7 @@ class _Heard:
     bus: str
     identifier: int
     count: int = 0
-    stream: Stream | None = None
+    stream: CanStream | None = None
     answers: Answers | None = None
     packets: FastPackets | Containers | None = None
     wholes: int = 0  # known messages that its frames, or parts of them, made
@@ -107,7 +107,7 @@ class Decoder:
     profile: Profile | None = None
     loose: bool = False
     _heard: dict[tuple[str, int], _Heard] = field(default_factory=dict)
-    _streams: dict[tuple[str, str, int | None], Stream] = field(default_factory=dict)
+    _streams: dict[tuple[str, str, int | None], CanStream] = field(default_factory=dict)
     _transports: dict[str, Transport] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -174,12 +174,12 @@ class Decoder:
                 np.array([len(data) for *_, data in rows], np.int64),
             )
 
-    def _stream(self, bus: str, known: Known, source: int | None) -> Stream:
+    def _stream(self, bus: str, known: Known, source: int | None) -> CanStream:
         """Where a message of a sender on a bus goes."""
         place = bus, known.message.name, source
         if place not in self._streams:
             names = _names(known.message.name, bus, source)
-            self._streams[place] = Stream(known, names, source, self.profile)
+            self._streams[place] = CanStream(known, names, source, self.profile)
         return self._streams[place]
 
     def _of(self, bus: str, identifier: int) -> _Heard:
@@ -335,7 +335,7 @@ def _names(message: str, bus: str, source: int | None) -> frozenset[str]:
     return frozenset(own | {f"{bus}.{name}" for name in own if bus})
 
 
-def _beyond(stream: Stream, size: int) -> list[str]:
+def _beyond(stream: CanStream, size: int) -> list[str]:
     """Signals that frames of this many bytes do not hold."""
     return [signal.name for signal in stream.signals if signal.end > size]
 

@@ -16,7 +16,7 @@ from roadlog.ingest.profile import Profile
 from roadlog.spool import Spool
 from roadlog.types import Bools, Floats, Stamps
 
-LONGEST = 64  # bits of a number
+MAX_BITS = 64  # bits of a number
 REALS = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
 LONG = 4  # bits; a shorter field of ones is a state rather than "not available" (SAE J1939-71)
 EXACT = 2**53  # beyond it floats do not hold every integer
@@ -42,7 +42,7 @@ def no_value(text: str) -> bool:
     return bool(NO_VALUE.search(apart.replace("_", " ")) or NO_VALUE.search(apart))
 
 
-class Signal:
+class CanSignal:
     """One signal of a message: where it stands, what it means, and what was seen of it."""
 
     def __init__(self, signal: Any, groups: bool) -> None:
@@ -54,7 +54,7 @@ class Signal:
         self.ranges = groups and not signal.is_float  # of J1939, beside the texts
         self.codes = _codes(signal)
         self.pages = frozenset(signal.multiplexer_ids or ())
-        self.switch: Signal | None = None
+        self.switch: CanSignal | None = None
         self.constant: Any = None  # its first raw value, until another one comes
         self.varied = False
         self.none: Counter[str] = Counter()  # why there was no value -> frames
@@ -133,7 +133,7 @@ class Signal:
         return ""
 
 
-class Stream:
+class CanStream:
     """The columns of one message of one sender as its frames come.
 
     names: all under which a profile may mean it. source: the sender's address where the message
@@ -150,7 +150,7 @@ class Stream:
         groups = source is not None
         fitting = [s for s in message.signals if _fits(s, message.length)]
         self.outside = [s.name for s in message.signals if s not in fitting]
-        self.signals = [Signal(s, groups) for s in fitting]
+        self.signals = [CanSignal(s, groups) for s in fitting]
         by_name = {s.name: s for s in self.signals}
         for signal in self.signals:
             switch = signal.definition.multiplexer_signal
@@ -246,7 +246,7 @@ def _ranges(signal: Any, raw: NDArray) -> list[tuple[Bools, str]]:
 
 def _fits(signal: Any, length: int) -> bool:
     """Whether a signal's bits lie in the message; a broken database may say anything."""
-    if not 0 < signal.length <= LONGEST or (signal.is_float and signal.length not in REALS):
+    if not 0 < signal.length <= MAX_BITS or (signal.is_float and signal.length not in REALS):
         return False
     little = signal.byte_order == "little_endian"
     start = signal.start if little else _from_left(signal.start)

@@ -21,7 +21,7 @@ GPS_EPOCH = 315_964_800  # s, 1980-01-06 in Unix time
 LEAP_SECONDS = 18  # GPS - UTC since 2017; the data set is of 2018
 WEEK = 604_800  # s
 POLAR_FLATTENING = 0.99330562  # 1 - e^2 of WGS 84: (b / a)^2
-MOVING = 3.0  # m/s; above it the velocity points where the car does
+HEADING_SPEED = 3.0  # m/s; above it the velocity points where the car does
 
 _FIELDS = {
     "IMU/accelerometer": ("x", "y", "z"),
@@ -94,7 +94,7 @@ def angles_of_pose(pose: Path) -> dict[str, Floats]:
     up = position * [POLAR_FLATTENING, POLAR_FLATTENING, 1.0]  # normal of the ellipsoid
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     speed = np.linalg.norm(velocity, axis=1)
-    moving = speed > MOVING
+    moving = speed > HEADING_SPEED
     grade = np.full(len(speed), np.nan)
     grade[moving] = np.arcsin(np.sum(velocity * up, axis=1)[moving] / speed[moving])
     columns = {"grade": grade, "speed": speed}

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from roadlog.errors import ConfigError, LogReadError
 from roadlog.ingest.formats import times
 from roadlog.ingest.formats.base import Format
-from roadlog.ingest.formats.csv_layout import NOTHING, Layout, fields_of, is_number, layout
+from roadlog.ingest.formats.csv_layout import NOTHING, TextLayout, fields_of, is_number, layout
 from roadlog.ingest.formats.row_clock import RowClock
 from roadlog.ingest.formats.text import decoded
 from roadlog.ingest.frame import Frame, Recording, absent
 from roadlog.ingest.profile import Profile
 from roadlog.spool import Spool
 
-BLOCK = 1 << 24  # bytes parsed at a time: bounds the memory of text beside that of numbers
+READ_SIZE = 1 << 24  # bytes parsed at a time: bounds the memory of text beside that of numbers
 WORD = 64  # bytes of a cell that is no number; no date is longer
 SHORTEST_ROW = 2  # bytes
 SAMPLE = 1 << 18  # bytes of the first rows
@@ -90,7 +90,7 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     return rows(path, found, clock, wanted, RowClock(unit, profile.clock.zone, day, european))
 
 
-def _date_beside(path: Path, found: Layout, clock: str, zone: str) -> int:
+def _date_beside(path: Path, found: TextLayout, clock: str, zone: str) -> int:
     """ns of the midnight that another column than that of the time states; 0 for none."""
     column = next((n for n in found.names if n != clock and _DATE.fullmatch(n.strip())), None)
     dates = [] if column is None else sample(path)[column].tolist()
@@ -103,7 +103,7 @@ def _date_beside(path: Path, found: Layout, clock: str, zone: str) -> int:
 
 
 def rows(
-    path: Path, found: Layout, clock: str, wanted: Sequence[str], stamps: RowClock
+    path: Path, found: TextLayout, clock: str, wanted: Sequence[str], stamps: RowClock
 ) -> Recording:
     """The rows of a table of a known layout. Raises LogReadError naming the row."""
     reading = _Reading(path, found, [clock, *wanted], stamps)
@@ -128,7 +128,7 @@ def rows(
 class _Reading:
     """Columns of one file as its blocks come."""
 
-    def __init__(self, path: Path, found: Layout, wanted: list[str], clock: RowClock) -> None:
+    def __init__(self, path: Path, found: TextLayout, wanted: list[str], clock: RowClock) -> None:
         self.path = path
         self.layout = found
         self.wanted = wanted
@@ -153,8 +153,8 @@ class _Reading:
         position = 0
         while position < len(data):
             if not self.room:
-                rows = max(1024, int(min(len(data), BLOCK) // (SHORTEST_ROW * len(self.picks))))
-                self.room = numbers.room(min(rows, BLOCK // 64), len(self.wanted))
+                rows = max(1024, int(min(len(data), READ_SIZE) // (SHORTEST_ROW * len(self.picks))))
+                self.room = numbers.room(min(rows, READ_SIZE // 64), len(self.wanted))
             here = data[position:]
             rows, used, bad, odd = numbers.parse(
                 here, ord(self.layout.delimiter), comma, len(self.picks), self.picks, *self.room
@@ -166,7 +166,7 @@ class _Reading:
                 break
             position += used
         self.rest = data[position:].tobytes()
-        if len(self.rest) > BLOCK:
+        if len(self.rest) > READ_SIZE:
             raise LogReadError(f"{self.path}: is no text table: a quote or line does not end")
 
     def _keep(self, data: NDArray, rows: int) -> None:
@@ -257,7 +257,7 @@ def _blocks(file: IO[bytes], encoding: str) -> Iterator[bytes]:
         codecs.getincrementaldecoder(encoding)("replace") if encoding.startswith("utf-16") else None
     )
     end = b"\n"
-    while raw := file.read(BLOCK):
+    while raw := file.read(READ_SIZE):
         block = decoder.decode(raw).encode() if decoder else raw
         end = block[-1:] or end
         yield block

@@ -44,7 +44,7 @@ _OTHERS = re.compile(
 
 
 @dataclass(frozen=True)
-class Layout:
+class TextLayout:
     """How a text table is written.
 
     encoding: of the text. delimiter: between fields, a blank for runs of blanks. names, units: of
@@ -60,7 +60,7 @@ class Layout:
     headless: bool = False
 
 
-def layout(path: Path) -> Layout:
+def layout(path: Path) -> TextLayout:
     """Raises LogReadError when it is no text table."""
     try:
         with path.open("rb") as file:
@@ -84,7 +84,7 @@ def layout(path: Path) -> Layout:
     delimiter, first, width = _rows(lines)
     starts = np.cumsum([0, *(size for _, size in lines)])
     names, units, headless = _header([line for line, _ in lines[:first]], delimiter, width)
-    return Layout(encoding, delimiter, names, units, int(starts[first]), headless)
+    return TextLayout(encoding, delimiter, names, units, int(starts[first]), headless)
 
 
 def _rows(lines: Sequence[tuple[str, int]]) -> tuple[str, int, int]:

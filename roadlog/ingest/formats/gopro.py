@@ -138,7 +138,7 @@ class _Telemetry:
                 if (date := samples[0].get("date")) is not None:
                     self.epochs.append(datetime.fromisoformat(date).timestamp() - float(time[0]))
 
-    def tabled(self, stream: gopro_table.Stream) -> None:
+    def tabled(self, stream: gopro_table.GoproStream) -> None:
         """One table of an export."""
         if stream.key == "GPS":
             self._add("location", stream.time, stream.values)

@@ -26,7 +26,7 @@ FIX = "fix"
 _HEADING = re.compile(r"(accelerometer|gyroscope|gps)\w* \(([^)]*)\)(?: \[.*\])?", re.IGNORECASE)
 
 
-class Stream(NamedTuple):
+class GoproStream(NamedTuple):
     """One stream: ACCL, GYRO or GPS, time in s of the video, values, and which axis each is.
 
     epoch: s, UTC less the video's time; None where there is no date.
@@ -45,7 +45,7 @@ def files(path: Path) -> list[Path]:
     return [file for file in inside if file.suffix.lower() == ".csv" and _headings(file)]
 
 
-def streams(path: Path) -> Iterator[Stream]:
+def streams(path: Path) -> Iterator[GoproStream]:
     """What the tables hold. Raises LogReadError."""
     for file in files(path):
         headings = _headings(file)
@@ -61,12 +61,14 @@ def streams(path: Path) -> Iterator[Stream]:
             fix = next((n for n in columns if n == FIX or headings.get(n, ("", ""))[1] == FIX), "")
             good = columns[fix] >= 2 if fix else np.ones(len(time), np.bool_)
             values = np.column_stack([columns[name] for name in names])
-            yield Stream(key, time[good], values[good], "", epoch)
+            yield GoproStream(key, time[good], values[good], "", epoch)
         else:
             letters = "".join(AXES.get(part, "") for _, part in headings.values())
             if sorted(letters) != ["X", "Y", "Z"]:
                 raise LogReadError(f"{file}: its axes are {', '.join(headings)}, not x, y and z")
-            yield Stream(key, time, np.column_stack([columns[n] for n in headings]), letters, epoch)
+            yield GoproStream(
+                key, time, np.column_stack([columns[n] for n in headings]), letters, epoch
+            )
 
 
 def _headings(path: Path) -> dict[str, tuple[str, str]]:

@@ -25,7 +25,7 @@ FIELDS = (
     "navstat", "numsats", "posmode", "velmode", "orimode",
 )
 # fmt: on
-MOVING = 1.0  # m/s; above it the velocity has a direction
+HEADING_SPEED = 1.0  # m/s; above it the velocity has a direction
 
 
 def recognizes(path: Path) -> bool:
@@ -91,7 +91,7 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
 
 def _derived(c: dict[str, Floats]) -> dict[str, Floats]:
     level = np.hypot(c["ve"], c["vn"])
-    moving = level > MOVING
+    moving = level > HEADING_SPEED
     grade = np.where(moving, np.arctan2(c["vu"], level), np.nan)
     course = np.where(moving, np.arctan2(c["vn"], c["ve"]), np.nan)
     return {"speed": level, "course": course, "grade": grade}

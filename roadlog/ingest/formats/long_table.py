@@ -17,7 +17,7 @@ import numpy as np
 from roadlog.errors import ConfigError, LogReadError
 from roadlog.ingest.formats import times
 from roadlog.ingest.formats.base import Format
-from roadlog.ingest.formats.csv_layout import Layout, layout
+from roadlog.ingest.formats.csv_layout import TextLayout, layout
 from roadlog.ingest.frame import Frame, Recording
 from roadlog.ingest.profile import Profile
 
@@ -101,7 +101,7 @@ def read(path: Path, profile: Profile | None = None, dbc: Sequence[Path] = ()) -
     return Recording((merged,), losses)
 
 
-def _rows(path: Path, found: Layout) -> list[list[str]]:
+def _rows(path: Path, found: TextLayout) -> list[list[str]]:
     text = path.read_bytes()[found.start :].decode(found.encoding, "replace")
     return list(csv.reader(text.splitlines(), delimiter=found.delimiter))
 

@@ -23,7 +23,7 @@ from roadlog.types import Bools, Floats
 FIRST = 2_000_000_000  # ns of each topic that are looked at for its fields
 
 
-class Reader(Protocol):
+class MessageReader(Protocol):
     """A container of messages: `storage.LogReader`, or a bag."""
 
     losses: list[str]
@@ -55,7 +55,7 @@ class Topic:
 
     name: str
     kind: str
-    readers: list[Reader] = field(default_factory=list)
+    readers: list[MessageReader] = field(default_factory=list)
     fields: dict[str, None] = field(default_factory=dict)
     unread: dict[str, None] = field(default_factory=dict)
 
@@ -65,7 +65,7 @@ def kind(name: str) -> str:
     return name.replace("::", "/").replace("/msg/", "/")
 
 
-def topics(readers: Sequence[Reader]) -> dict[str, Topic]:
+def topics(readers: Sequence[MessageReader]) -> dict[str, Topic]:
     """Topic -> what it is, with the fields that its first messages have."""
     result: dict[str, Topic] = {}
     for reader in readers:
@@ -85,7 +85,7 @@ def topics(readers: Sequence[Reader]) -> dict[str, Topic]:
     return result
 
 
-def names(readers: Sequence[Reader], dbc: Sequence[Path] = ()) -> set[str]:
+def names(readers: Sequence[MessageReader], dbc: Sequence[Path] = ()) -> set[str]:
     """`KIND.field` and `TOPIC.field` of every numeric field, and the signals of a database."""
     found = {
         name
@@ -97,7 +97,7 @@ def names(readers: Sequence[Reader], dbc: Sequence[Path] = ()) -> set[str]:
 
 
 def recording(
-    readers: Sequence[Reader], profile: Profile, label: str, dbc: Sequence[Path] = ()
+    readers: Sequence[MessageReader], profile: Profile, label: str, dbc: Sequence[Path] = ()
 ) -> Recording:
     """Fields that the profile reads, one frame a topic; of the others only the names.
 

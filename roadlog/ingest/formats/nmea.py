@@ -63,7 +63,7 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
         from pynmeagps import NMEAReader
     except ImportError as error:
         raise MissingExtraError("reading NMEA", "gnss") from error
-    fixes = Fixes()
+    fixes = SentenceFixes()
     bad = 0
     with guarded(path, "NMEA 0183"):
         for line in path.read_bytes().splitlines():
@@ -88,7 +88,7 @@ def _summed(sentence: bytes) -> bytes:
     return sentence + f"*{reduce(xor, sentence[1:], 0):02X}".encode()
 
 
-class Fixes:
+class SentenceFixes:
     """Fixes put together of the sentences of one time."""
 
     def __init__(self) -> None:

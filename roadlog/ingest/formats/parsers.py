@@ -13,7 +13,7 @@ from pathlib import Path
 
 from roadlog.errors import LogReadError, RoadlogError
 
-LONGEST = 200  # characters of another library's message
+MAX_QUOTE = 200  # characters of another library's message
 
 
 @contextmanager
@@ -56,7 +56,7 @@ def _said(error: Exception) -> str:
     """An error of another library in one line of printable characters."""
     text = " ".join(str(error).split()) or type(error).__name__
     text = "".join(c if c.isprintable() else "?" for c in text)
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+    return text if len(text) <= MAX_QUOTE else f"{text[:MAX_QUOTE]}..."
 
 
 def _forget(error: BaseException | None) -> None:

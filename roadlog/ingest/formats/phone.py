@@ -82,10 +82,10 @@ def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
     return set(UNITS) | (set(layout(path).names) if _is_text(path) else set())
 
 
-Found = tuple[App, str, Frame]  # an app's table, what it is called, and its rows
+AppTable = tuple[App, str, Frame]  # an app's table, what it is called, and its rows
 
 
-def _chosen(found: Sequence[Found]) -> tuple[list[Frame], list[str]]:
+def _chosen(found: Sequence[AppTable]) -> tuple[list[Frame], list[str]]:
     """The vocabulary's frames: of several tables for one the first with gravity, by rank.
 
     Of accelerations without it, and what was taken off in a table of its own, the sum.
@@ -187,7 +187,7 @@ def _app_of_file(path: Path, with_sheet: bool = False) -> App | None:
     return found[0] if found else None
 
 
-def _folder(path: Path, losses: list[str]) -> Iterator[Found]:
+def _folder(path: Path, losses: list[str]) -> Iterator[AppTable]:
     ios = _is_ios(path / "Metadata.csv")
     for file in sorted(path.iterdir()):
         if file.is_file() and file.suffix.lower() in TABLES:
@@ -204,7 +204,7 @@ def _is_ios(metadata: Path) -> bool:
     return said.get("platform") == "ios" and said.get("standardisation") == "false"
 
 
-def _table(path: Path, losses: list[str], with_sheet: bool = False) -> Iterator[Found]:
+def _table(path: Path, losses: list[str], with_sheet: bool = False) -> Iterator[AppTable]:
     if not with_sheet and long_table.recognizes(path):
         recording = long_table.read(path)
         losses += recording.losses
@@ -235,7 +235,7 @@ def _clocks(app: App, columns: Sequence[str]) -> Iterator[Clock]:
         yield from (Clock(c, unit) for c in columns if re.fullmatch(pattern, _folded(c)))
 
 
-def _zip(path: Path, losses: list[str]) -> Iterator[Found]:
+def _zip(path: Path, losses: list[str]) -> Iterator[AppTable]:
     """Its tables, unpacked beside nothing of the user's."""
     with (
         guarded(path, "a zip"),
@@ -254,7 +254,7 @@ def _zip(path: Path, losses: list[str]) -> Iterator[Found]:
             yield app, sheet, replace(rows, file=path.name)
 
 
-def _workbook(path: Path) -> Iterator[Found]:
+def _workbook(path: Path) -> Iterator[AppTable]:
     """The sheets of an xlsx, by openpyxl."""
     try:
         import openpyxl
@@ -272,7 +272,7 @@ def _workbook(path: Path) -> Iterator[Found]:
                 yield app, sheet.title, _on_clock(app, path, columns)
 
 
-def _json(path: Path) -> Iterator[Found]:
+def _json(path: Path) -> Iterator[AppTable]:
     """Sensor Logger's: a list of samples, each with its sensor."""
     with guarded(path, "JSON"):
         samples = json.loads(path.read_text("utf-8"))

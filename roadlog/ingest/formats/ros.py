@@ -48,10 +48,10 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[tuple[list[messages.Reader], list[str]]]:
+def _opened(path: Path) -> Iterator[tuple[list[messages.MessageReader], list[str]]]:
     """The parts of a bag, and sentences on those that cannot be read. Raises LogReadError."""
     parts, losses = _parts(path) if path.is_dir() else ([path], [])
-    readers: list[messages.Reader] = []
+    readers: list[messages.MessageReader] = []
     with ExitStack() as stack:
         for part in parts:
             try:
@@ -66,7 +66,7 @@ def _opened(path: Path) -> Iterator[tuple[list[messages.Reader], list[str]]]:
         yield readers, losses
 
 
-def _reader(path: Path, stack: ExitStack) -> messages.Reader:
+def _reader(path: Path, stack: ExitStack) -> messages.MessageReader:
     if _is_packed(path):
         path = _unpacked(path, Path(stack.enter_context(tempfile.TemporaryDirectory("roadlog"))))
     if begins(path, *BEGINNINGS):

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from roadlog.errors import ConfigError, LogReadError
 from roadlog.ingest.formats import csv
 from roadlog.ingest.formats.base import Format
-from roadlog.ingest.formats.csv_layout import Layout
+from roadlog.ingest.formats.csv_layout import TextLayout
 from roadlog.ingest.formats.row_clock import RowClock
 from roadlog.ingest.formats.text import decoded
 from roadlog.ingest.frame import Recording
@@ -50,7 +50,7 @@ def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
     return {_renamed(name) for name in _layout(path)[0].names}
 
 
-def _layout(path: Path) -> tuple[Layout, int]:
+def _layout(path: Path) -> tuple[TextLayout, int]:
     """How its rows are written, and ns of the midnight before them. Raises LogReadError."""
     with path.open("rb") as file:
         head = file.read(HEAD)
@@ -70,7 +70,7 @@ def _layout(path: Path) -> tuple[Layout, int]:
     titles = sections.get("header", [])
     units = _units(columns, titles, sections.get("channel units", []))
     created = _CREATED.search(decoded(head[: marks[0].start()]))
-    return Layout("utf-8", " ", columns, units, start), _midnight(created)
+    return TextLayout("utf-8", " ", columns, units, start), _midnight(created)
 
 
 def _midnight(created: re.Match[str] | None) -> int:

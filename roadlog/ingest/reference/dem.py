@@ -13,7 +13,7 @@ import numpy as np
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.geo import TransverseMercator
 from roadlog.ingest.reference import gnss
-from roadlog.ingest.reference.road import Fixes, fixes_of
+from roadlog.ingest.reference.road import DriveFixes, fixes_of
 from roadlog.storage import Table
 from roadlog.types import Bools, Floats
 
@@ -75,7 +75,7 @@ def from_dem(path: Path, tables: Sequence[Table]) -> tuple[Table, list[str]]:
     return gnss.table(fixes.time[known], grade[known], sd, bank[known], bank_sd), notes
 
 
-def load(path: Path, fixes: Fixes) -> Terrain:
+def load(path: Path, fixes: DriveFixes) -> Terrain:
     """The part of a grid that the drive crosses. Raises LogReadError."""
     rasterio = _rasterio()
     from rasterio.windows import Window, from_bounds
@@ -105,7 +105,7 @@ def load(path: Path, fixes: Fixes) -> Terrain:
 
 
 def planes(
-    terrain: Terrain, fixes: Fixes, base: float
+    terrain: Terrain, fixes: DriveFixes, base: float
 ) -> tuple[Floats, Floats, tuple[Floats, Floats], Floats]:
     """Grade, bank, their sds (rad) and the rms residual (m) of a plane below each fix."""
     spacing = max(SPACING, terrain.cell / 2)
@@ -154,7 +154,7 @@ def bilinear(terrain: Terrain, x: Floats, y: Floats) -> Floats:
     return np.where(inside, height, np.nan)
 
 
-def _apart(fixes: Fixes, grade: Floats, tables: Sequence[Table]) -> Bools:
+def _apart(fixes: DriveFixes, grade: Floats, tables: Sequence[Table]) -> Bools:
     """Where the drive itself climbed otherwise than the terrain: it was not on the ground."""
     try:
         own = gnss.from_gnss(tables)

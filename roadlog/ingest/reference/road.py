@@ -21,7 +21,7 @@ POSITION_SD = 1.0  # m along the road, of a fix: slopes that change sharply are 
 
 
 @dataclass(frozen=True)
-class Fixes:
+class DriveFixes:
     """Where a drive was. time: ns; latitude, longitude: deg; heading: rad, NaN at rest."""
 
     time: Stamps
@@ -57,7 +57,7 @@ def from_road(model: RoadModel, tables: Sequence[Table]) -> Table:
     return gnss.table(fixes.time[known], grade, sds[0], bank, sds[1])
 
 
-def fixes_of(tables: Sequence[Table], road: str) -> Fixes:
+def fixes_of(tables: Sequence[Table], road: str) -> DriveFixes:
     """The drive's fixes with the heading of its way. Raises LogReadError."""
     found = next((t for t in tables if t.topic == SECTIONS["gnss"].topic), None)
     if found is None or not np.isfinite(found.columns["latitude"]).any():
@@ -71,7 +71,7 @@ def fixes_of(tables: Sequence[Table], road: str) -> Fixes:
     time, latitude, longitude = (
         values[order] for values in (time, latitude[known], longitude[known])
     )
-    return Fixes(
+    return DriveFixes(
         time, latitude, longitude, _heading(found, known, order, time, latitude, longitude)
     )
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from roadlog.drive import Drive
 from roadlog.estimators import run as run_estimator
-from roadlog.reproduce import Form, ResultTable, Row, over
+from roadlog.reproduce import Form, ResultRow, ResultTable, over
 from roadlog.simulate import simulate
 from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
@@ -87,7 +87,7 @@ class Events:
         """Standard deviation of the pitch."""
         return float(self.pitch.std(ddof=1)) if len(self.pitch) > 1 else float("nan")
 
-    def rows(self, case: str, form: Form, true: float) -> list[Row]:
+    def rows(self, case: str, form: Form, true: float) -> list[ResultRow]:
         """Error of the mean, its spread over the seeds, spread of the events, share of valid."""
         means = [self.pitch[self.seed == s].mean() - true for s in np.unique(self.seed)]
         known = len(means) > 1
@@ -95,9 +95,9 @@ class Events:
         over_seeds = float(np.std(means, ddof=1)) if known else None
         spread = self.spread if known else None
         return [
-            Row(case, form, "pitch, mean error", "deg", None, error, over_seeds),
-            Row(case, form, "pitch, spread", "deg", None, spread),
-            Row(case, form, "events valid", "%", None, 100 * self.share),
+            ResultRow(case, form, "pitch, mean error", "deg", None, error, over_seeds),
+            ResultRow(case, form, "pitch, spread", "deg", None, spread),
+            ResultRow(case, form, "events valid", "%", None, 100 * self.share),
         ]
 
 

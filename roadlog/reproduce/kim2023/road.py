@@ -14,7 +14,7 @@ import numpy as np
 from roadlog.drive import Drive
 from roadlog.estimators import run as run_estimator
 from roadlog.estimators.kim2023.strapdown import attitude, dead_reckon
-from roadlog.reproduce import Form, ResultTable, Row, over, over_seeds
+from roadlog.reproduce import Form, ResultRow, ResultTable, over, over_seeds
 from roadlog.reproduce.kim2023.motions import (
     ACCELERATIONS,
     MICRO_G,
@@ -115,8 +115,8 @@ def directions() -> tuple[ResultTable, Floats, Floats]:
     reverse, forward = (np.concatenate(part) for part in zip(*pairs, strict=True))
     rows = []
     for name, values in (("reverse", reverse), ("forward", forward)):
-        rows.append(Row(name, "", "pitch, mean error", "deg", None, float(values.mean())))
-        rows.append(Row(name, "", "pitch, spread", "deg", None, float(values.std(ddof=1))))
+        rows.append(ResultRow(name, "", "pitch, mean error", "deg", None, float(values.mean())))
+        rows.append(ResultRow(name, "", "pitch, spread", "deg", None, float(values.std(ddof=1))))
     title = f"the last 2 m before a stop, {between:.0f} s after the one before"
     settings = "the integration alone, trapezoid, with 0.02 deg/s of gyro bias left in"
     return ResultTable(title, rows, settings), reverse, forward

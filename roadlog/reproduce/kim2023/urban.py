@@ -11,7 +11,7 @@ import numpy as np
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators import run as run_estimator
-from roadlog.reproduce import Form, ResultTable, Row, over
+from roadlog.reproduce import Form, ResultRow, ResultTable, over
 from roadlog.reproduce.kim2023.motions import PRINTED, said
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import simulate
@@ -128,7 +128,7 @@ def errors(runs: Mapping[Job, dict[str, Found]], name: str, load: float | str) -
 
 def table(runs: Runs, loads: tuple[float | str, ...], title: str) -> ResultTable:
     """Table 2 in the paper's metric, and what it does not show."""
-    rows: list[Row] = []
+    rows: list[ResultRow] = []
     for k, load in enumerate(loads):
         unit = "" if isinstance(load, str) else " deg"
         for name, (_, form, _) in METHODS.items():
@@ -139,28 +139,34 @@ def table(runs: Runs, loads: tuple[float | str, ...], title: str) -> ResultTable
     return ResultTable(title, rows, SETTINGS)
 
 
-def _rows(case: str, form: Form, paper: float | None, own: list[Found]) -> list[Row]:
+def _rows(case: str, form: Form, paper: float | None, own: list[Found]) -> list[ResultRow]:
     error = np.array([one.error for one in own])
     known = error[np.isfinite(error)]
     if not len(known):
-        return [Row(case, form, "|mean error|", "deg", paper, None)]
+        return [ResultRow(case, form, "|mean error|", "deg", paper, None)]
     rows = [
-        Row(case, form, "|mean error|", "deg", paper, abs(float(known.mean())), _sd(known)),
-        Row(case, form, "mean |error| of a drive", "deg", None, float(np.abs(known).mean())),
-        Row(case, form, "largest error of a drive", "deg", None, float(np.abs(known).max())),
+        ResultRow(case, form, "|mean error|", "deg", paper, abs(float(known.mean())), _sd(known)),
+        ResultRow(case, form, "mean |error| of a drive", "deg", None, float(np.abs(known).mean())),
+        ResultRow(case, form, "largest error of a drive", "deg", None, float(np.abs(known).max())),
     ]
     late = [one.converged for one in own]
     if np.isfinite(late).all():
         mean = float(np.mean(late))
-        rows.append(Row(case, form, f"within {CONVERGED} deg after", "s", None, mean, _sd(late)))
+        rows.append(
+            ResultRow(case, form, f"within {CONVERGED} deg after", "s", None, mean, _sd(late))
+        )
     else:
         never = 100 * float(np.mean(~np.isfinite(late)))
-        rows.append(Row(case, form, f"never within {CONVERGED} deg", "% of drives", None, never))
+        rows.append(
+            ResultRow(case, form, f"never within {CONVERGED} deg", "% of drives", None, never)
+        )
     if np.isfinite([one.spread for one in own]).all():
         spread = [one.spread for one in own]
-        rows.append(Row(case, form, "spread of the events", "deg", None, float(np.mean(spread))))
+        rows.append(
+            ResultRow(case, form, "spread of the events", "deg", None, float(np.mean(spread)))
+        )
         share = 100 * float(np.mean([one.valid for one in own]))
-        rows.append(Row(case, form, "events valid", "%", None, share))
+        rows.append(ResultRow(case, form, "events valid", "%", None, share))
     return rows
 
 

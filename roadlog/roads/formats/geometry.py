@@ -11,13 +11,13 @@ from roadlog.errors import LogReadError
 from roadlog.types import Floats
 
 SPIRAL_STEP = 0.05  # m, of the quadrature along a clothoid (trapezoidal; 1e-8 m over 100 m)
-LONGEST = 1e6  # m; a longer road is an error of the file, not a road
+MAX_ROAD = 1e6  # m; a longer road is an error of the file, not a road
 JUMP = 0.5  # m, that a record may begin beside the end of the one before
 GAP = 0.1  # m between the end of a record and the beginning of the next
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class ReferenceLine:
     """Points of a reference line. s, x, y: m; heading: rad, unwrapped."""
 
     s: Floats
@@ -26,7 +26,7 @@ class Line:
     heading: Floats
 
 
-def line_of(road: ET.Element, where: str, step: float) -> Line:
+def line_of(road: ET.Element, where: str, step: float) -> ReferenceLine:
     """The reference line at most every `step` m. Raises LogReadError naming the element."""
     records = road.findall("planView/geometry")
     if not records:
@@ -43,7 +43,7 @@ def line_of(road: ET.Element, where: str, step: float) -> Line:
                 f"{where}: <geometry> number {k + 1}: begins at s = {start:g}, the one before it "
                 f"ends at {end:g}: {start - end:g} m of road are missing"
             )
-        if start < end - GAP or length < 0 or total > LONGEST:
+        if start < end - GAP or length < 0 or total > MAX_ROAD:
             raise LogReadError(
                 f"{where}: <geometry> number {k + 1}: s = {start}, length = {length}: "
                 "s must ascend over a road of finite length"
@@ -69,7 +69,9 @@ def line_of(road: ET.Element, where: str, step: float) -> Line:
         raise LogReadError(f"{where}: <planView>: its geometries have no length")
     s, x_all, y_all, headings = (np.concatenate(column) for column in zip(*parts, strict=True))
     ascending = np.concatenate([[True], np.diff(s) > 1e-9])
-    return Line(s[ascending], x_all[ascending], y_all[ascending], np.unwrap(headings[ascending]))
+    return ReferenceLine(
+        s[ascending], x_all[ascending], y_all[ascending], np.unwrap(headings[ascending])
+    )
 
 
 def _shape(

@@ -12,7 +12,7 @@ import numpy as np
 
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.geo import TransverseMercator
-from roadlog.roads.formats.geometry import Line, number
+from roadlog.roads.formats.geometry import ReferenceLine, number
 from roadlog.roads.model import SOMEWHERE
 from roadlog.types import Floats
 
@@ -31,7 +31,7 @@ class Placed:
     is_known: bool
 
 
-def placed(path: Path, root: ET.Element, line: Line, z: Floats) -> Placed:
+def placed(path: Path, root: ET.Element, line: ReferenceLine, z: Floats) -> Placed:
     """The line on earth; in a plane somewhere for a file without a projection.
 
     Our own projection is read here, others by rasterio (extra `dem`). Raises LogReadError,
@@ -57,7 +57,7 @@ def placed(path: Path, root: ET.Element, line: Line, z: Floats) -> Placed:
 
 
 def _offset(
-    path: Path, root: ET.Element, line: Line, z: Floats
+    path: Path, root: ET.Element, line: ReferenceLine, z: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """x, y, z and heading with the header's offset, which moves and turns the whole file."""
     element = root.find("header/offset")
