@@ -111,7 +111,7 @@ class ByteSource:
 
     def is_as_opened(self) -> bool:
         """Whether nobody wrote to the file since, whatever its name is by now."""
-        return State.of(os.fstat(self.handle)) == self.state
+        return FileState.of(os.fstat(self.handle)) == self.state
 
     def is_there(self) -> bool:
         """Whether the path still names this file."""
