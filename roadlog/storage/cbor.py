@@ -24,6 +24,9 @@ class Cbor(Codec):
     def decode(self, payload: bytes) -> dict[str, Any]:
         return dict(values.numbers(self._loaded(payload)))
 
+    def unread(self, payload: bytes) -> frozenset[str]:
+        return frozenset(values.unread(self._loaded(payload)))
+
     def texts(self, payload: bytes) -> dict[str, str]:
         return dict(values.texts(self._loaded(payload)))
 

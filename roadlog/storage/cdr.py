@@ -18,9 +18,12 @@ ENCAPSULATION = 4  # bytes: 0, representation, options; alignment counts from be
 # representation -> largest alignment, whether XCDR 2, what a struct is that does not say it
 _KINDS = {
     0x00: (8, False, "final"),
+    0x02: (8, False, "mutable"),
     0x06: (4, True, "final"),
     0x08: (4, True, "appendable"),
+    0x0A: (4, True, "mutable"),
 }
+_KINDS |= {kind + more: _KINDS[kind] for kind, more in ((6, 10), (8, 12), (10, 8))}  # of XTypes
 
 
 class Cdr(Walked):
@@ -31,6 +34,9 @@ class Cdr(Walked):
 
     def decode(self, payload: bytes) -> Mapping[str, Any]:
         return super().decode(_inflated(payload))
+
+    def unread(self, payload: bytes) -> frozenset[str]:
+        return super().unread(_inflated(payload))
 
     def texts(self, payload: bytes) -> dict[str, str]:
         return super().texts(_inflated(payload))

@@ -246,10 +246,10 @@ class Columns:
         for payload in matrix[:, MESSAGE_HEAD:]:
             try:
                 found.append(self.codec.decode(payload.tobytes()))
+                self._note_unread(payload.tobytes())
             except Exception:  # a payload is anyone's, and so may a codec be
                 self.lost += 1
                 found.append({})
-            self._note_unread(payload.tobytes())
         self.by_hand += len(found)
         names = dict.fromkeys(name for values in found for name in values if self._is_wanted(name))
         for name in [*names, *(self._columns.keys() - names.keys())]:

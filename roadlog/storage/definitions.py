@@ -12,7 +12,7 @@ from roadlog.storage.records import Schema
 PRIMITIVES = {
     "bool": "?", "byte": "u1", "char": "u1", "int8": "i1", "uint8": "u1", "int16": "i2",
     "uint16": "u2", "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8",
-    "float32": "f4", "float64": "f8",
+    "float32": "f4", "float64": "f8", "enum8": "u1", "enum16": "u2", "enum": "u4", "enum64": "u8",
 }  # fmt: skip
 TEXTS = ("string", "wstring")
 
@@ -32,7 +32,8 @@ _UNIT = re.compile(r"[\[(]([^\[(\])]+)[\])]")
 class Member:
     """One field. count: elements of a fixed array, -1 for a sequence, None for a single value.
 
-    unit: what its comment or annotation states. optional: as XCDR 2 knows it.
+    unit: what its comment or annotation states. optional: whether it may be left out. number: of
+    the field in a mutable struct.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Member:
     count: int | None = None
     unit: str = ""
     optional: bool = False
+    number: int = 0
 
 
 @dataclass(frozen=True)

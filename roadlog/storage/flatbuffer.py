@@ -15,14 +15,15 @@ import numpy as np
 
 from roadlog.storage.encodings import Codec, Encoding, Layout, Value
 from roadlog.storage.records import Damage, Schema
-from roadlog.storage.walk import MAX_DEPTH, MAX_ELEMENTS, MAX_VALUES, Unfit
+from roadlog.storage.walk import ELEMENT, MAX_DEPTH, MAX_ELEMENTS, MAX_VALUES, Unfit
 
 # reflection.BaseType -> dtype
 _SCALARS = {
     2: "?", 3: "<i1", 4: "<u1", 5: "<i2", 6: "<u2", 7: "<i4", 8: "<u4", 9: "<i8", 10: "<u8",
     11: "<f4", 12: "<f8",
 }  # fmt: skip
-_STRING, _VECTOR, _OBJECT = 13, 14, 15
+_STRING, _VECTOR, _OBJECT, _UNION, _ARRAY = 13, 14, 15, 16, 17
+_OCTET = 4  # raw data, no numbers
 
 
 class _Table:
@@ -94,6 +95,7 @@ class _Walk:
     values: dict[str, Value] = field(default_factory=dict)
     absent: dict[str, float] = field(default_factory=dict)
     places: dict[str, tuple[int, int]] = field(default_factory=dict)
+    unread: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self.mask = bytearray(len(self.payload))
@@ -136,21 +138,28 @@ class _Walk:
             self.struct(entry.object, at, f"{path}.", depth + 1)
         elif entry.kind == _OBJECT and not inside:
             self.table(entry.object, self.offset(at), f"{path}.", depth + 1)
+        elif entry.kind == _UNION:
+            self.unread.add(ELEMENT.sub("", path))
+        elif entry.kind == _ARRAY:
+            self.elements(entry, at, entry.count, path, depth)
         elif entry.kind == _VECTOR:
-            self.vector(entry, self.offset(at), path, depth)
+            start = self.offset(at)
+            self.elements(entry, start + 4, self.fixed("<I", start), path, depth)
 
-    def vector(self, entry: _Field, at: int, path: str, depth: int) -> None:
-        count = min(self.fixed("<I", at), MAX_ELEMENTS)
-        for k in range(count):
+    def elements(self, entry: _Field, at: int, count: int, path: str, depth: int) -> None:
+        """Those of a vector, or of an array in a struct, which begin at `at`."""
+        if count > MAX_ELEMENTS and entry.element not in (_STRING, _OCTET):
+            self.unread.add(f"{ELEMENT.sub('', path)} after the first {MAX_ELEMENTS}")
+        for k in range(min(count, MAX_ELEMENTS)):
             inner = f"{path}.{k}"
             if entry.element in _SCALARS:
                 size = np.dtype(_SCALARS[entry.element]).itemsize
-                self.number(entry.element, at + 4 + k * size, inner)
+                self.number(entry.element, at + k * size, inner)
             elif entry.element == _OBJECT and self.objects[entry.object].is_struct:
                 size = self.objects[entry.object].size
-                self.struct(entry.object, at + 4 + k * size, f"{inner}.", depth + 1)
+                self.struct(entry.object, at + k * size, f"{inner}.", depth + 1)
             elif entry.element == _OBJECT:
-                self.table(entry.object, self.offset(at + 4 + 4 * k), f"{inner}.", depth + 1)
+                self.table(entry.object, self.offset(at + 4 * k), f"{inner}.", depth + 1)
 
     def number(self, kind: int, at: int, path: str) -> None:
         dtype = np.dtype(_SCALARS[kind])
@@ -199,6 +208,12 @@ class Flatbuffer(Codec):
             for name, value in layout.values.items()
         }
         return dict(layout.absent) | found
+
+    def unread(self, payload: bytes) -> frozenset[str]:
+        try:
+            return frozenset(self._walk(payload).unread)
+        except (Unfit, struct.error):
+            return frozenset()
 
     def texts(self, payload: bytes) -> dict[str, str]:
         walk = self._walk(payload)

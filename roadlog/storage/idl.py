@@ -6,8 +6,9 @@ unsupported where a message has one.
 
 from __future__ import annotations
 
+import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from roadlog.storage.definitions import BUILTIN, Member, Struct, Types, stated_unit
@@ -103,16 +104,18 @@ class _Parser:
                 self.take("}")
             elif token == "struct":
                 self.struct(module, notes)
-            elif token == "enum":
+            elif token in ("enum", "bitmask"):
                 name = self.take()
                 self.skip_block()
-                self.aliases["::".join((*module, name))] = Member("", "uint32")
+                bits = int(notes.get("bit_bound", "32"))
+                width = next((n for n in (8, 16) if bits <= n), 64 if bits > 32 else "")
+                self.aliases["::".join((*module, name))] = Member("", f"enum{width}")
             elif token == "typedef":
                 for member in self.members(module, {}):
                     self.aliases["::".join((*module, member.name))] = member
             elif token == "const":
                 self.constant(module)
-            elif token in ("union", "bitmask", "bitset"):
+            elif token in ("union", "bitset"):
                 name = self.take()
                 while self.peek() not in ("{", ";"):
                     self.take()
@@ -171,13 +174,16 @@ class _Parser:
             return  # only announced
         self.take("{")
         found = list(inherited)
+        by_hash = notes.get("autoid", "").upper() == "HASH"
         own: dict[str, str] = {}
         while self.peek() != "}":
             if self.peek() == "@":
                 self.take()
                 own |= self.annotation()
                 continue
-            found += self.members(module, own)
+            for member in self.members(module, own):
+                after = found[-1].number + 1 if found else 0
+                found.append(replace(member, number=_number(member.name, own, after, by_hash)))
             own = {}
         self.take("}")
         said = notes.get("extensibility", next((n for n in notes if n in EXTENSIBLE), ""))
@@ -276,3 +282,14 @@ class _Parser:
                 members = [line.split() for line in BUILTIN[builtin].splitlines()]
                 self.structs[name] = Struct(tuple(Member(n, t) for t, n in members))
         return name
+
+
+def _number(name: str, notes: Mapping[str, str], after: int, by_hash: bool) -> int:
+    """Of a field in a mutable struct (OMG DDS-XTypes 1.3, 7.3.1.2.1.1)."""
+    if "id" in notes:
+        return int(notes["id"], 0)
+    if by_hash or "hashid" in notes:
+        named = notes.get("hashid") or name
+        digest = hashlib.md5(named.encode(), usedforsecurity=False).digest()
+        return int.from_bytes(digest[:4], "little") & 0x0FFFFFFF
+    return after

@@ -8,6 +8,7 @@ from typing import Any
 from roadlog.storage import values
 from roadlog.storage.encodings import Codec, Encoding
 from roadlog.storage.records import Schema
+from roadlog.storage.walk import MAX_DEPTH, MAX_ELEMENTS
 
 
 class Json(Codec):
@@ -18,6 +19,13 @@ class Json(Codec):
 
     def decode(self, payload: bytes) -> dict[str, Any]:
         return dict(values.numbers(self._loaded(payload)))
+
+    def unread(self, payload: bytes) -> frozenset[str]:
+        is_small = payload.count(b",") < MAX_ELEMENTS
+        is_flat = payload.count(b"{") + payload.count(b"[") < MAX_DEPTH
+        if is_small and is_flat:  # most messages are: do not read them twice
+            return frozenset()
+        return frozenset(values.unread(self._loaded(payload)))
 
     def texts(self, payload: bytes) -> dict[str, str]:
         return dict(values.texts(self._loaded(payload)))

@@ -27,6 +27,22 @@ def numbers(value: Any, path: str = "", depth: int = 0) -> Iterator[tuple[str, f
                     yield from numbers(inner, f"{path}[{name}={label}]", depth + 1)
 
 
+def unread(value: Any, path: str = "", depth: int = 0) -> Iterator[str]:
+    """What has numbers that `numbers` leaves out; elements of a list are not told apart."""
+    if depth >= MAX_DEPTH:
+        if isinstance(value, (Mapping, list, tuple)) and value:
+            yield f"{path}, which nests too deep"
+    elif isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from unread(inner, f"{path}.{key}" if path else str(key), depth + 1)
+    elif isinstance(value, (list, tuple)):
+        rest = [one for inner in value[MAX_ELEMENTS:] for one in numbers(inner, path, depth + 1)]
+        if rest:
+            yield f"{path} after the first {MAX_ELEMENTS}"
+        for inner in value[:MAX_ELEMENTS]:
+            yield from unread(inner, path, depth + 1)
+
+
 def texts(value: Any, path: str = "", depth: int = 0) -> Iterator[tuple[str, str]]:
     """Path -> text of what is in no list."""
     if isinstance(value, str):

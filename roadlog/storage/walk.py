@@ -7,7 +7,8 @@ with other lengths have another layout. Elements that have a name are found by i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -24,6 +25,10 @@ NAMES = ("name", "child_frame_id")  # fields that name the element of an array t
 NAME_LISTS = ("name", "names", "joint_names")  # arrays that name the elements of those beside them
 
 Place = tuple[int, int]  # of a string: where it begins, bytes
+
+
+EXTENDED, LIST_END = 0x3F01, 0x3F02  # numbers of XCDR 1 that are no members
+ELEMENT = re.compile(r"\.\d+(?=\.|$)")
 
 
 class Unfit(ValueError):
@@ -67,7 +72,8 @@ class Walk:
 
     order: of bytes. largest: alignment of a value at most, counted from `origin`; 1 for none, as in
     ROS 1. delimited: XCDR 2, where appendable structs, and arrays of what is no number, say their
-    size; default: of structs that do not say what they are.
+    size; default: of structs that do not say what they are. unread: what has numbers that become
+    no column; elements of arrays are not told apart, octets are no numbers.
     """
 
     types: Types
@@ -81,6 +87,7 @@ class Walk:
     mask: bytearray = field(init=False)
     values: dict[str, Value] = field(default_factory=dict)
     places: dict[str, Place] = field(default_factory=dict)  # of strings
+    unread: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self.mask = bytearray(len(self.payload))
@@ -115,33 +122,95 @@ class Walk:
 
     def struct(self, type_: str, parent: str) -> None:
         struct = self.types.structs[type_]
+        strings: dict[str, list[Place]] = {}
+        for member in self.present(struct):
+            found = self.member(member, f"{parent}{member.name}")
+            if found:
+                strings[member.name] = found
+        if strings:
+            self._by_name(struct, strings, parent)
+
+    def present(self, struct: Struct) -> Iterator[Member]:
+        """The fields that follow, in their order; what each holds is walked meanwhile."""
         extensible = struct.extensible or self.default
-        if self.delimited and extensible == "mutable":
-            raise Unfit(f"{type_}: mutable types are not supported")
+        if extensible == "mutable":
+            yield from self.mutable(struct)
+            return
         end = 0
         if self.delimited and extensible == "appendable":
             size = self.fixed(4)
             end = self.position + size
         if not struct.members:
             self.skip(int(self.largest > 1))  # ROS 2 puts one byte where a message has no field
-        strings: dict[str, list[Place]] = {}
         for member in struct.members:
             if end and self.position >= end:
                 return  # written by a version with fewer fields
-            if member.optional and self.delimited and not self.fixed(1):
-                continue
-            found = self.member(member, f"{parent}{member.name}")
-            if found:
-                strings[member.name] = found
+            if not member.optional:
+                yield member
+            elif self.delimited:
+                if self.fixed(1):
+                    yield member
+            else:
+                _, size, _ = self.parameter()
+                if size:
+                    yield from self.enclosed(member, size)
         if end:
-            self.skip(end - self.position)
-        if strings:
-            self._by_name(struct, strings, parent)
+            self.close(end)
+
+    def close(self, end: int) -> None:
+        """Go to the end of what said its size."""
+        if self.position > end:
+            raise Unfit(f"what should end at byte {end} is longer")
+        self.skip(end - self.position)
+
+    def mutable(self, struct: Struct) -> Iterator[Member]:
+        """Fields in any order, each behind its number and size."""
+        self.default = "appendable"  # of structs inside, as XTypes has it
+        members = {member.number: member for member in struct.members}
+        end = self.fixed(4) + self.position if self.delimited else 0
+        while not self.delimited or self.position < end:
+            number, size, is_last = self.numbered() if self.delimited else self.parameter()
+            if is_last:
+                return
+            if number in members:
+                yield from self.enclosed(members[number], size)
+            else:  # of a later version
+                self.skip(size)
+
+    def numbered(self) -> tuple[int, int, bool]:
+        """A member's header of XCDR 2 (EMHEADER): its number, bytes, and that there are more."""
+        header = self.fixed(4)
+        code, number = header >> 28 & 7, header & 0x0FFFFFFF
+        if code < 4:
+            return number, 1 << code, False
+        size = self.fixed(4)
+        if code == 4:
+            return number, size, False
+        self.position -= 4  # its own first word is the size
+        return number, 4 + size * (1, 4, 8)[code - 5], False
+
+    def parameter(self) -> tuple[int, int, bool]:
+        """A member's header of XCDR 1: its number, bytes, and whether it is the end of a list."""
+        self.align(4)
+        number, size = self.fixed(2) & 0x3FFF, self.fixed(2)
+        if number == EXTENDED:
+            number, size = self.fixed(4) & 0x0FFFFFFF, self.fixed(4)
+        return number, size, number == LIST_END
+
+    def enclosed(self, member: Member, size: int) -> Iterator[Member]:
+        """A field of so many bytes, whatever it holds of them."""
+        end, origin = self.position + size, self.origin
+        if not self.delimited:
+            self.origin = self.position
+        yield member
+        self.origin = origin
+        self.close(end)
 
     def member(self, member: Member, path: str) -> list[Place]:
         """One field; where the strings of an array of strings lie."""
         header = 0
-        if self.delimited and member.count is not None and member.type not in PRIMITIVES:
+        is_plain = member.type in PRIMITIVES and not member.type.startswith("enum")
+        if self.delimited and member.count is not None and not is_plain:
             header = self.fixed(4)
         count = self.fixed(4) if member.count == -1 else member.count
         if header and not count:
@@ -158,14 +227,25 @@ class Walk:
             return [self.string() for _ in range(count)]
         if member.type not in self.types.structs:
             raise Unfit(f"{path}: type {member.type} is not supported")
-        for k in range(1 if count is None else count):
-            inner = path if count is None else f"{path}.{k}"
-            kept = self.values if k < MAX_ELEMENTS else dict(self.values)
-            self.struct(member.type, f"{inner}.")
-            self.values = kept
-            if count is not None and k < MAX_ELEMENTS:
+        if count is None:
+            self.struct(member.type, f"{path}.")
+            return []
+        kept = self.values
+        for k in range(count):
+            if k == MAX_ELEMENTS:  # what is behind has to be walked all the same
+                self.values = {}
+            self.struct(member.type, f"{path}.{k}.")
+            if k < MAX_ELEMENTS:
                 self._named_element(path, k)
+        if count > MAX_ELEMENTS and self.values:
+            self.leave_out(path, count)
+        self.values = kept
         return []
+
+    def leave_out(self, path: str, count: int | None) -> None:
+        """Note numbers that become no column."""
+        more = f" after the first {MAX_ELEMENTS}" if (count or 0) > MAX_ELEMENTS else ""
+        self.unread.add(ELEMENT.sub("", path) + more)
 
     def numbers(self, path: str, code: str, count: int | None) -> None:
         dtype = np.dtype(("<" if self.order == "little" else ">") + code)
@@ -174,7 +254,10 @@ class Walk:
         self.align(dtype.itemsize)
         start = self.skip((1 if count is None else count) * dtype.itemsize)
         if len(self.values) >= MAX_VALUES:
+            self.leave_out(path, count)
             return
+        if (count or 0) > MAX_ELEMENTS and code != "u1":
+            self.leave_out(path, count)
         if count is None:
             self.values[path] = Value(start, dtype)
         else:
@@ -255,6 +338,15 @@ class Walked(Codec):
             name: np.frombuffer(payload, value.dtype, 1, value.offset)[0].item()
             for name, value in self.walk(payload).layout().values.items()
         }
+
+    def unread(self, payload: bytes) -> frozenset[str]:
+        """Arrays, but of octets, whose ends are in no column."""
+        try:
+            walk = self.walk(payload)
+            walk.layout()
+        except Unfit:
+            return frozenset()
+        return frozenset(walk.unread)
 
     def texts(self, payload: bytes) -> dict[str, str]:
         """Its strings that are in no array, by path. Raises Unfit, a ValueError."""

@@ -197,6 +197,101 @@ def test_omgidl_in_both_versions_of_cdr(tmp_path, version):
         np.testing.assert_array_equal(columns[name], expected)
 
 
+MUTABLE = """module car { enum Gear { P, R, D };
+@appendable struct Inner { double x; uint8 n; };
+@final struct Point { float x; double y; };
+@mutable struct State {
+  uint8 a; @id(40) double v; Gear gear; sequence<Gear> gears; Inner inner; sequence<Point> points;
+  sequence<float> more; @optional double o; string name; short tail;
+}; };"""
+# as Cyclone DDS 11.0.1 writes them, by version of CDR
+CYCLONE = {
+    1: [
+        "00030000017f0800000000000400000000000000017f080028000000080000000000000000000000017f0800"
+        "290000000400000002000000017f08002a0000000400000000000000017f08002b0000000c00000000000000"
+        "0000000007000000017f08002c00000020000000020000000000c03f00000000000000000000c03f00000000"
+        "0000000000000000017f08002d0000000c000000020000000000c03f00002040017f08002f00000008000000"
+        "0100000000000000017f0800300000000400000000000000027f0000",
+        "00030000017f0800000000000400000001000000017f08002800000008000000000000000000e03f017f0800"
+        "290000000400000002000000017f08002a000000080000000100000001000000017f08002b0000000c000000"
+        "000000000000f0bf07000000017f08002c00000020000000020000000000c03f00000000000004400000c03f"
+        "000000000000000000000440017f08002d0000000c000000020000000000c03f00002040017f08002e000000"
+        "080000000000000000000a40017f08002f000000080000000300000068690000017f08003000000004000000"
+        "ffff0000027f0000",
+        "00030000017f0800000000000400000002000000017f08002800000008000000000000000000f03f017f0800"
+        "290000000400000002000000017f08002a0000000c000000020000000100000001000000017f08002b000000"
+        "0c00000000000000000000c007000000017f08002c00000020000000020000000000c03f0000000000001440"
+        "0000c03f000000000000000000001440017f08002d0000000c000000020000000000c03f00002040017f0800"
+        "2e000000080000000000000000000a40017f08002f0000000c000000050000006869686900000000017f0800"
+        "3000000004000000feff0000027f0000",
+    ],
+    2: [
+        "000b000086000000000000000000000028000030000000000000000029000020020000002a00005004000000"
+        "000000002b0000400d000000090000000000000000000000070000002c0000501c000000020000000000c03f"
+        "00000000000000000000c03f00000000000000002d000060020000000000c03f000020402f00005001000000"
+        "00000000300000100000",
+        "000b000096000000000000000100000028000030000000000000e03f29000020020000002a00005008000000"
+        "01000000010000002b0000400d00000009000000000000000000f0bf070000002c0000501c00000002000000"
+        "0000c03f00000000000004400000c03f00000000000004402d000060020000000000c03f000020402e000030"
+        "0000000000000a402f000050030000006869000030000010ffff",
+        "000b00009e000000000000000200000028000030000000000000f03f29000020020000002a0000500c000000"
+        "0200000001000000010000002b0000400d0000000900000000000000000000c0070000002c0000501c000000"
+        "020000000000c03f00000000000014400000c03f00000000000014402d000060020000000000c03f00002040"
+        "2e0000300000000000000a402f00005005000000686968690000000030000010feff",
+    ],
+}
+
+
+@pytest.mark.parametrize("version", CYCLONE)
+def test_mutable_and_optional_members(tmp_path, version):
+    payloads = map(bytes.fromhex, CYCLONE[version])
+    schema = ("car::State", "omgidl", MUTABLE.encode())
+    columns = read(write_mcap(tmp_path / "x.mcap", "cdr", schema, payloads)).columns
+    k, nan = np.arange(3), np.nan
+    for name, expected in {
+        "a": k, "v": 0.5 * k, "gear": [2, 2, 2], "gears.1": [nan, nan, 1], "inner.x": -k,
+        "inner.n": [7, 7, 7], "points.1.y": 2.5 * k, "more.1": [2.5] * 3, "o": [nan, 3.25, 3.25],
+        "tail": -k,
+    }.items():  # fmt: skip
+        np.testing.assert_array_equal(columns[name], expected)
+
+
+def test_flatbuffers(tmp_path):
+    """Tables, structs with arrays, vectors, a default; as flatc writes them."""
+    folder = Path(__file__).parents[1] / "data" / "flatbuffers"
+    schema = ("car.State", "flatbuffer", (folder / "car.bfbs").read_bytes())
+    payloads = [(folder / f"{name}.bin").read_bytes() for name in ("short", "long")]
+    table = read(write_mcap(tmp_path / "x.mcap", "flatbuffer", schema, payloads))
+    nan = np.nan
+    for name, expected in {
+        "stamp": [7, 8], "speed": [1.5, 1.5], "gear": [2, 0], "front.speed": [2.5, nan],
+        "front.slip.2": [3.0, nan], "wheels.1.slip.0": [7.0, nan], "parts.1.torque": [0.0, nan],
+        "codes.2": [3, 2], "codes.63": [nan, 63],
+    }.items():  # fmt: skip
+        np.testing.assert_array_equal(table.columns[name], expected)
+    assert table.unread == "/x: numbers that were not read: codes after the first 64, more"
+
+
+def test_what_becomes_no_column_is_said(tmp_path):
+    """Ends of long lists; raw data as of a camera is no number."""
+    cbor2 = pytest.importorskip("cbor2")
+    text = b"float32[] ranges\nP[] points\nuint8[] data\n" + b"=" * 80 + b"\nMSG: a/P\nfloat32 x"
+    said = "/x: numbers that were not read: points after the first 64, ranges after the first 64"
+    long = np.zeros(100, "<f4").tobytes()
+    payload = b"d\0\0\0" + long + b"d\0\0\0" + long + b"d\0\0\0" + bytes(100)
+    value = {"ranges": [0.5] * 100, "points": [{"x": 1}] * 100, "names": ["a"] * 100}
+    for encoding, kind, schema, message in (
+        ("ros1", "ros1msg", text, payload),
+        ("cdr", "ros2msg", text, b"\0\1\0\0" + payload),
+        ("json", "", b"", json.dumps(value).encode()),
+        ("cbor", "", b"", cbor2.dumps(value)),
+    ):
+        path = write_mcap(tmp_path / encoding, encoding, ("a/T", kind, schema), [message])
+        table = read(path)
+        assert table.unread == said
+        assert "points.63" in str(list(table.columns))
+
+
 @pytest.mark.parametrize("encoding", ["json", "cbor"])
 def test_objects(tmp_path, encoding):
     cbor2 = pytest.importorskip("cbor2")
