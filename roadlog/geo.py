@@ -1,10 +1,9 @@
-"""Places on the earth: map projections."""
+"""Places on the earth: the map projection."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,34 +14,13 @@ FLATTENING = 1 / 298.257223563  # WGS 84
 EARTH_RADIUS = 6_371_008.8  # m, mean (IUGG)
 
 
-class LocalPlane(NamedTuple):
-    """The plane that touches the mean sphere at an origin in deg, for some tens of km around it.
-
-    Cheap, and 0.3 % of a distance: for shapes and for what is near. A map needs TransverseMercator.
-    """
-
-    latitude: float
-    longitude: float
-
-    def forward(self, latitude: Floats, longitude: Floats) -> tuple[Floats, Floats]:
-        """m from the origin, of positions in deg; the date line may lie between."""
-        across = (longitude - self.longitude + 180.0) % 360.0 - 180.0
-        scale = EARTH_RADIUS * np.cos(np.radians(self.latitude))
-        return np.radians(across) * scale, np.radians(latitude - self.latitude) * EARTH_RADIUS
-
-    def inverse(self, east: Floats, north: Floats) -> tuple[Floats, Floats]:
-        """Latitude and longitude in deg, of places in m from the origin."""
-        scale = EARTH_RADIUS * np.cos(np.radians(self.latitude))
-        across = np.degrees(east / scale)
-        return self.latitude + np.degrees(north / EARTH_RADIUS), self.longitude + across
-
-
 @dataclass(frozen=True)
 class TransverseMercator:
     """Transverse Mercator plane about a place, scale 1 on its meridian, WGS 84.
 
     latitude, longitude: deg, where east and north are 0. Krueger's series to the third power of the
-    third flattening: below 1 mm within 200 km. Source: Karney 2011, doi:10.1007/s00190-011-0445-3.
+    third flattening: below 1 mm within 200 km. What is a quarter of the globe away comes out finite
+    and far. Source: Karney 2011, doi:10.1007/s00190-011-0445-3.
     """
 
     latitude: float
@@ -77,10 +55,10 @@ class TransverseMercator:
 
     @staticmethod
     def _from_equator(latitude: Floats, longitude: Floats) -> tuple[Floats, Floats]:
-        sine, e = np.sin(latitude), 2 * np.sqrt(_N) / (1 + _N)
+        sine, e = np.clip(np.sin(latitude), -_EDGE, _EDGE), 2 * np.sqrt(_N) / (1 + _N)
         t = np.sinh(np.arctanh(sine) - e * np.arctanh(e * sine))
         xi = np.arctan2(t, np.cos(longitude))
-        eta = np.arctanh(np.sin(longitude) / np.sqrt(1 + t**2))
+        eta = np.arctanh(np.clip(np.sin(longitude) / np.sqrt(1 + t**2), -_EDGE, _EDGE))
         east, north = eta, xi
         for j, alpha in enumerate(_ALPHA, 1):
             east = east + alpha * np.cos(2 * j * xi) * np.sinh(2 * j * eta)
@@ -88,6 +66,7 @@ class TransverseMercator:
         return _RADIUS * east, _RADIUS * north
 
 
+_EDGE = 1 - 1e-12  # 10 m from a pole
 _N = FLATTENING / (2 - FLATTENING)  # third flattening
 _RADIUS = EQUATOR / (1 + _N) * (1 + _N**2 / 4 + _N**4 / 64)  # m, of the rectified meridian
 _ALPHA = (

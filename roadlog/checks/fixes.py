@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from roadlog.checks.finding import Finding
-from roadlog.geo import LocalPlane
+from roadlog.geo import TransverseMercator
 from roadlog.signals import GNSS_TOPIC
 from roadlog.storage import Table
 from roadlog.types import Floats
@@ -46,7 +46,9 @@ def _steps(latitude: Floats, longitude: Floats) -> Floats:
     """m between one fix and the next."""
     if not len(latitude):
         return np.empty(0)
-    east, north = LocalPlane(float(latitude.mean()), longitude[0]).forward(latitude, longitude)
+    east, north = TransverseMercator(float(latitude.mean()), longitude[0]).forward(
+        latitude, longitude
+    )
     return np.hypot(np.diff(east), np.diff(north))
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadlog.estimate import Estimate
-from roadlog.geo import LocalPlane
+from roadlog.geo import TransverseMercator
 from roadlog.types import Floats
 from roadlog.view.colors import ordered
 from roadlog.view.runs import MOTION, Run
@@ -147,6 +147,6 @@ def _fixes(run: Run) -> tuple[Floats, Floats, Floats] | None:
 
 def _local(latitude: Floats, longitude: Floats) -> tuple[Floats, Floats]:
     """m east and north of the first point; good over the size of a drive."""
-    plane = LocalPlane(float(np.mean(latitude)), longitude[0])
+    plane = TransverseMercator(float(np.mean(latitude)), longitude[0])
     east, north = plane.forward(latitude, longitude)
     return east, north - north[0]

@@ -9,6 +9,7 @@ from support.drives import EPOCH_NS, hill_tables, table
 
 from roadlog.drive import Drive
 from roadlog.estimate import Detail, Estimate
+from roadlog.geo import TransverseMercator
 from roadlog.log import DriveLog, create
 from roadlog.signals import ANGLES_SCHEMA, TRUTH_TOPIC
 from roadlog.storage import Table
@@ -23,11 +24,9 @@ def gnss(duration: float = DURATION) -> Table:
     """A fix a second on a quarter circle of 500 m radius."""
     t = np.arange(int(duration) + 1.0)
     angle = t / duration * np.pi / 2
-    meters = np.stack([500 * np.sin(angle), 500 * (1 - np.cos(angle))])
-    columns = {
-        "latitude": 47.0 + np.degrees(meters[1] / 6_371_000.0),
-        "longitude": 8.0 + np.degrees(meters[0] / (6_371_000.0 * np.cos(np.radians(47.0)))),
-    }
+    east, north = 500 * np.sin(angle), 500 * (1 - np.cos(angle))
+    latitude, longitude = TransverseMercator(47.0, 8.0).inverse(east, north)
+    columns = {"latitude": latitude, "longitude": longitude}
     return table("gnss", EPOCH_NS + np.round(t * 1e9).astype(np.int64), columns)
 
 

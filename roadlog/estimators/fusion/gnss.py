@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from roadlog.drive import Drive, Samples
 from roadlog.estimators.fusion.speed import SpeedSource, known_samples
 from roadlog.estimators.fusion.steps import STEP_RATE, Fix
-from roadlog.geo import LocalPlane
+from roadlog.geo import TransverseMercator
 from roadlog.types import Bools, Floats
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: 
     latitude, longitude, altitude = (gnss.columns[name][known] for name in names)
     if len(own) < 2 or np.ptp(longitude) > 1.0:  # deg; none so long, or across the date line
         return clone
-    east, north = LocalPlane(latitude[0], longitude[0]).forward(latitude, longitude)
+    east, north = TransverseMercator(latitude[0], longitude[0]).forward(latitude, longitude)
     path = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(east), np.diff(north)))])
     at = np.arange(own[0], own[-1], REVISIT_STEP)
     gap = np.diff(own)[np.clip(np.searchsorted(own, at, side="right") - 1, 0, len(own) - 2)]

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from roadlog.errors import ConfigError, LogReadError, near
-from roadlog.geo import LocalPlane
+from roadlog.geo import TransverseMercator
 from roadlog.ingest.formats.csv_layout import layout
 from roadlog.ingest.reference import gnss as truth
 from roadlog.signals import SECTIONS
@@ -173,4 +173,4 @@ def _sd(columns: dict[str, Floats]) -> Floats:
 
 def _plane(latitude: Floats, longitude: Floats, origin: tuple[float, float]) -> Floats:
     """East and north in m of an origin in deg."""
-    return np.stack(LocalPlane(*origin).forward(latitude, longitude), axis=1)
+    return np.stack(TransverseMercator(*origin).forward(latitude, longitude), axis=1)
