@@ -46,11 +46,33 @@ class Kernel:
         """What numba makes of it; the same in every thread."""
         with _lock:
             made = vars(self).get("dispatcher")
-            return made or loaded().njit(**self.options)(self.py_func)
+            return made or _forgiving(loaded().njit(**self.options)(self.py_func))
 
     @property
     def _numba_type_(self) -> Any:  # asked for where another kernel calls this one
         return loaded().types.Dispatcher(self.dispatcher)
+
+
+def _forgiving(dispatcher: Any) -> Any:
+    """Let it compile anew what it cannot read of what was kept on disk.
+
+    numba reads an index before it looks at its stamp: one of an older roadlog, that names a type
+    which is gone, and one of which only a part was written, would end in a traceback.
+    """
+    kept = dispatcher._cache._cache_file
+
+    def read(method: Callable, otherwise: Callable[[], Any]) -> Callable:
+        def attempt(*arguments: Any) -> Any:
+            try:
+                return method(*arguments)
+            except Exception:  # whatever pickle makes of it
+                return otherwise()
+
+        return attempt
+
+    kept._load_index = read(kept._load_index, dict)
+    kept.load = read(kept.load, lambda: None)
+    return dispatcher
 
 
 def compiled(function: Callable) -> Kernel:

@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -112,3 +113,41 @@ def test_the_rule_sees_it(line: str) -> None:
     assert isinstance(function, ast.FunctionDef)
     assert is_kernel(function)
     assert list(faults("roadlog.estimators.fusion.states", function))
+
+
+KERNEL = """
+from typing import NamedTuple
+from roadlog.jit import compiled
+
+class {name}(NamedTuple):
+    x: float
+
+@compiled
+def doubled(value):
+    return 2.0 * value.x
+"""
+
+
+@pytest.mark.parametrize("spoiled", ["an older type", "half of an index", "half of the code"])
+def test_what_was_kept_and_cannot_be_read_is_compiled_anew(tmp_path, monkeypatch, spoiled) -> None:
+    """numba reads an index before its stamp: a type that was renamed ended in a traceback."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    place = tmp_path / "kernel_of_test.py"
+
+    def fresh(name: str) -> float:
+        sys.modules.pop("kernel_of_test", None)
+        importlib.invalidate_caches()
+        module = importlib.import_module("kernel_of_test")
+        return module.doubled(getattr(module, name)(21.0))
+
+    place.write_text(KERNEL.format(name="Old"), encoding="utf-8")
+    assert fresh("Old") == 42.0
+    kept = sorted((tmp_path / "__pycache__").glob("*.nb?"))
+    assert [path.suffix for path in kept] == [".nbc", ".nbi"]
+    code, index = kept
+    if spoiled == "an older type":
+        place.write_text(KERNEL.format(name="Newer"), encoding="utf-8")
+    else:
+        half = index if "index" in spoiled else code
+        half.write_bytes(half.read_bytes()[: half.stat().st_size // 2])
+    assert fresh("Newer" if spoiled == "an older type" else "Old") == 42.0
