@@ -6,10 +6,13 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
-from typing import Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from roadlog.errors import ConfigError, near
 from roadlog.reproduce import documented
+
+if TYPE_CHECKING:
+    from roadlog.types import Floats
 
 # paper -> the module and the function that run it
 PAPERS: dict[str, str] = {
@@ -122,6 +125,14 @@ def over(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     """`function` of every item, on every core; both must be picklable."""
     with ProcessPoolExecutor() as pool:
         return list(pool.map(function, items))
+
+
+def rms(values: Floats) -> float:
+    """Root mean square of what is known; NaN where nothing is."""
+    import numpy as np
+
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
 
 
 def over_seeds(

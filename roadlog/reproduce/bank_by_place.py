@@ -12,7 +12,7 @@ import numpy as np
 
 from roadlog import estimators
 from roadlog.drive import Drive
-from roadlog.reproduce import Claim, ResultTable, over, over_seeds
+from roadlog.reproduce import Claim, ResultTable, over, over_seeds, rms
 from roadlog.signals import TRUTH_TOPIC, truth_topic
 from roadlog.simulate import simulate
 from roadlog.simulate.profiles import Knots
@@ -124,7 +124,7 @@ def compared(seed: int) -> dict[str, float]:
         "crawl of both directions, against the truth": still - truth,
         "the bank itself": truth,
     }
-    return {name: _rms_deg(error) for name, error in rows.items()}
+    return {name: rms(np.degrees(error)) for name, error in rows.items()}
 
 
 def reproduce() -> tuple[ResultTable, Claim]:
@@ -149,7 +149,3 @@ def reproduce() -> tuple[ResultTable, Claim]:
         "at walking speed the body leans by less than 0.1 deg; the crawl is driven both ways, so "
         "that a roll of the sensor's mounting cancels",
     )
-
-
-def _rms_deg(error: Floats) -> float:
-    return float(np.degrees(np.sqrt(np.nanmean(error**2))))

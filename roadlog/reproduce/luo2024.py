@@ -15,7 +15,16 @@ import numpy as np
 from roadlog import estimators
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
-from roadlog.reproduce import Claim, Form, Reproduction, ResultRow, ResultTable, over, over_seeds
+from roadlog.reproduce import (
+    Claim,
+    Form,
+    Reproduction,
+    ResultRow,
+    ResultTable,
+    over,
+    over_seeds,
+    rms,
+)
 from roadlog.signals import TRUTH_TOPIC, WHEELS, truth_topic
 from roadlog.simulate import Simulation, simulate
 from roadlog.types import Floats
@@ -120,7 +129,7 @@ def run(job: Job) -> Found:
     for name, variant in VARIANTS.items():
         estimate = estimators.run(variant.method, drive, simulation.vehicle, variant.settings)
         error = (100 * (np.tan(estimate.grade) - np.tan(grade)))[late]
-        errors[name] = float(np.nanmean(np.abs(error))), float(np.sqrt(np.nanmean(error**2)))
+        errors[name] = float(np.nanmean(np.abs(error))), rms(error)
         if name == "TFOBE":
             forces = force_errors(simulation, drive, estimate)
     return Found(errors, forces)
@@ -142,7 +151,7 @@ def force_errors(
     found = {}
     for kind, names in FORCES.items():
         pairs = [(estimate.details["tires"].columns[n][late], true(n)[late]) for n in names]
-        rmse = [float(np.sqrt(np.nanmean((ours - real) ** 2))) for ours, real in pairs]
+        rmse = [rms(ours - real) for ours, real in pairs]
         found[kind] = float(np.mean(rmse)), float(np.mean([real.std() for _, real in pairs]))
     return found
 

@@ -19,7 +19,16 @@ from roadlog.estimate import Estimate
 from roadlog.estimators.massel2004.ls_window import fit_windows
 from roadlog.estimators.massel2004.rls_forget import RlsForgetParameters, fit_recursively
 from roadlog.estimators.straight import Longitudinal
-from roadlog.reproduce import Claim, Form, Reproduction, ResultRow, ResultTable, over, over_seeds
+from roadlog.reproduce import (
+    Claim,
+    Form,
+    Reproduction,
+    ResultRow,
+    ResultTable,
+    over,
+    over_seeds,
+    rms,
+)
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import simulate
 from roadlog.types import Floats
@@ -91,11 +100,6 @@ def case(job: Job) -> Case:
     grade, pitch = (np.interp(drive.time, own, truth.columns[a]) for a in ("grade", "pitch"))
     scored = (drive.time >= SCORED_AFTER) & (drive.time <= drive.time[-1] - SCORED_BEFORE_END)
     return Case(drive, simulation.vehicle, grade, pitch, scored)
-
-
-def rms(values: Floats) -> float:
-    """Root mean square of what is known."""
-    return float(np.sqrt(np.nanmean(values**2)))
 
 
 def reproduce() -> Reproduction:

@@ -23,6 +23,7 @@ from roadlog.reproduce import (
     bank_by_place,
     over,
     over_seeds,
+    rms,
 )
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import simulate
@@ -100,7 +101,7 @@ def run(job: Job) -> Found:
     for name, (estimator, _, settings) in RUNS.items():
         estimate = estimators.run(estimator, drive, simulation.vehicle, settings)
         for angle, true in truth.items():
-            rmse[name, angle] = _rms_deg((estimate.angles[angle] - true)[late])
+            rmse[name, angle] = rms(np.degrees((estimate.angles[angle] - true)[late]))
         if name == PRINTED:
             bank, roll = estimate.bank[late], estimate.roll[late]
             level = np.abs(bank + roll) < SMALL_TOTAL
@@ -121,10 +122,10 @@ def _beside_model(drive: Drive, vehicle: Vehicle, late: Bools) -> dict[str, floa
     beta, rate = ins.details["sideslip"].columns["beta"], drive["imu.gyro_z"]
     model = single_track(drive, vehicle)
     return {
-        "beta": _rms_deg(beta[late]),
-        "model beta": _rms_deg((model[:, 0] - beta)[late]),
-        "yaw rate": _rms_deg(rate[late]),
-        "model yaw rate": _rms_deg((model[:, 1] - rate)[late]),
+        "beta": rms(np.degrees(beta[late])),
+        "model beta": rms(np.degrees((model[:, 0] - beta)[late])),
+        "yaw rate": rms(np.degrees(rate[late])),
+        "model yaw rate": rms(np.degrees((model[:, 1] - rate)[late])),
     }
 
 
@@ -153,10 +154,6 @@ def single_track(drive: Drive, vehicle: Vehicle) -> Floats:
         x = np.linalg.solve(np.eye(2) - half, (np.eye(2) + half) @ x + drive.dt * B)
         states[k] = x
     return states
-
-
-def _rms_deg(error: Floats) -> float:
-    return float(np.degrees(np.sqrt(np.nanmean(error**2))))
 
 
 def _claims(said: Mapping[str, Mapping[str, float]]) -> list[Claim]:

@@ -16,7 +16,16 @@ from roadlog import estimators
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimators.wang2025.fuel_level import LITERS
-from roadlog.reproduce import Claim, Form, Reproduction, ResultRow, ResultTable, over, over_seeds
+from roadlog.reproduce import (
+    Claim,
+    Form,
+    Reproduction,
+    ResultRow,
+    ResultTable,
+    over,
+    over_seeds,
+    rms,
+)
 from roadlog.signals import TRUTH_TOPIC
 from roadlog.simulate import simulate
 from roadlog.types import Floats
@@ -128,11 +137,6 @@ def case(scenario: str, mount: str, seed: int, full: bool = False) -> Case:
     inclination = np.interp(drive.time, own, truth.columns["inclination"])
     fuel = float(simulation.metadata["simulation"]["fuel_volume"]) * LITERS
     return Case(drive, inclination, fuel, simulation.vehicle)
-
-
-def rms(values: Floats) -> float:
-    """Root mean square of what is known."""
-    return float(np.sqrt(np.nanmean(values**2)))
 
 
 def run(job: Job) -> Found:
