@@ -224,26 +224,26 @@ def _kim_bias(figure: Figure) -> None:
         axes.set(xlabel="accelerometer bias along x [m/s2]", ylabel=f"{name} [deg]")
 
 
-def _kim() -> list[Drawing]:
+def _kim_noise(figure: Figure) -> None:
     from roadlog.reproduce.kim2023.motions import GRID, MICRO_G, NOISES
 
-    def noise(figure: Figure) -> None:
-        columns = [events(density) for density in NOISES]
-        ticks = [str(n) for n in NOISES]
-        for axes, name in zip(
-            figure.subplots(3, 1, sharex=True), ("inclination", "slope", "pitch"), strict=True
-        ):
-            axes.boxplot([np.degrees(found[name]) for found in columns], tick_labels=ticks)
-            axes.set_ylabel(f"{name} [deg]")
-        axes.set_xlabel("accelerometer noise [ug/rtHz]")
-
-    def events(density: int) -> dict[str, Floats]:
+    groups: dict[str, list[Floats]] = {"inclination": [], "slope": [], "pitch": []}
+    for density in NOISES:
         overrides = {"accel_noise": density * MICRO_G, "speed.motions": 25}
         run = _run("kim2023-mc", {"printed": ("static_slope", GRID)}, overrides=overrides)
         columns = run.estimates["printed"].details["events"].columns
-        angles = {name: columns[name][columns["valid"]] for name in ("inclination", "pitch")}
-        return angles | {"slope": angles["inclination"] - angles["pitch"]}
+        inclination, pitch = (columns[n][columns["valid"]] for n in ("inclination", "pitch"))
+        for group, angle in zip(
+            groups.values(), (inclination, inclination - pitch, pitch), strict=True
+        ):
+            group.append(np.degrees(angle))
+    ticks = [str(density) for density in NOISES]
+    for axes, (name, group) in zip(figure.subplots(3, 1, sharex=True), groups.items(), strict=True):
+        axes.boxplot(group, tick_labels=ticks)
+        axes.set(xlabel="accelerometer noise [ug/rtHz]", ylabel=f"{name} [deg]")
 
+
+def _kim() -> list[Drawing]:
     def urban(figure: Figure) -> None:
         methods: dict[str, tuple[str, Mapping[str, Any]]] = {
             "static_slope, printed": ("static_slope", {"align": "paper"}),
@@ -276,7 +276,7 @@ def _kim() -> list[Drawing]:
             "inclination at rest stays within 0.1 deg, slope and pitch spread alike and up to "
             "about 1 deg as a range, as in the paper. Its grades of 5 and 10 % are in the table; "
             "they spread no more.",
-            noise,
+            _kim_noise,
         ),
         Drawing(
             "kim2023-convergence",
