@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-all lint docs package schemas clean
+.PHONY: demo test test-all test-no-posix lint docs package schemas clean
 
 demo: $(VENV)/runs
 	$(BIN)/roadlog demo
@@ -13,6 +13,10 @@ test: $(VENV)/installed
 
 test-all: $(VENV)/installed
 	$(BIN)/python -m pytest -m "" -n 2 --dist loadfile
+
+# the suite as a system without POSIX has it: no fcntl, no fork, no fchmod, no rights of users
+test-no-posix: $(VENV)/installed
+	PYTHONPATH=tests $(BIN)/python -m pytest -p support.no_posix -n 2 --dist loadfile
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check .

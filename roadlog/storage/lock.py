@@ -65,13 +65,33 @@ def _beside(path: Path) -> Iterator[None]:
         raise LogWriteError(f"{path}: cannot be opened: No such file or directory")
     beside = FileLock(path.with_name(f".{path.name}.lock"))
     try:
-        with beside.acquire(timeout=LIMIT):
-            yield
+        try:
+            beside.acquire(timeout=SAID_AFTER)
+        except Timeout:
+            _say_waiting(path, LIMIT)
+            beside.acquire(timeout=LIMIT)
     except Timeout:
-        raise LogWriteError(
-            f"{path}: stayed locked by another program for {LIMIT:.0f} s; nothing was written, run "
-            f"again when it is done"
-        ) from None
+        raise _stayed_locked(path) from None
+    except OSError as error:
+        raise LogWriteError(f"{path}: cannot be locked: {error.strerror}") from error
+    try:
+        if not path.exists():
+            raise LogWriteError(f"{path}: cannot be opened: No such file or directory")
+        yield
+    finally:
+        beside.release()
+
+
+def _say_waiting(path: Path, seconds: float) -> None:
+    text = "%s: is locked by another program; waiting for it, %.0f s at most"
+    _said.warning(text, path, seconds)
+
+
+def _stayed_locked(path: Path) -> LogWriteError:
+    return LogWriteError(
+        f"{path}: stayed locked by another program for {LIMIT:.0f} s; nothing was written, run "
+        f"again when it is done"
+    )
 
 
 def _is_there(handle: int, path: Path) -> bool:
@@ -86,12 +106,9 @@ def _wait(handle: int, path: Path, deadline: float) -> None:
     if _locked_within(handle, SAID_AFTER):
         return
     left = max(0.0, deadline - time.monotonic())
-    _said.warning("%s: is locked by another program; waiting for it, %.0f s at most", path, left)
+    _say_waiting(path, left)
     if not _locked_within(handle, left):
-        raise LogWriteError(
-            f"{path}: stayed locked by another program for {LIMIT:.0f} s; nothing was written, run "
-            f"again when it is done"
-        )
+        raise _stayed_locked(path)
 
 
 def _locked_within(handle: int, seconds: float) -> bool:

@@ -1,7 +1,5 @@
 """`fusion` on drives with known truth, with faults, and on the public comma2k19 minute."""
 
-import resource
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.drives import antenna_apart, hill_tables, simulated, table
+from support.memory import peak
 
 from roadlog import estimators
 from roadlog.car.vehicle import Vehicle
@@ -199,8 +198,7 @@ def test_one_hour_is_quick_and_small() -> None:
     estimate = estimators.run("fusion", drive, RIGID)
     assert time.process_time() - started < 10.0
     assert np.isfinite(estimate.grade).all()
-    unit = 1 if sys.platform == "darwin" else 1024
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit < 800e6
+    assert peak() < 800e6
 
 
 def test_says_what_it_used(hill_drive: Drive) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import subprocess
 import sys
 import threading
@@ -101,13 +100,14 @@ def test_a_log_that_is_removed_while_it_is_waited_for(tmp_path: Path) -> None:
         path.unlink()
     waiter.join(30)
     assert said == [f"{path}: cannot be opened: No such file or directory"]
-    assert not list(tmp_path.iterdir())
+    assert not [file for file in tmp_path.iterdir() if file.suffix != ".lock"]  # of others' systems
 
 
 def test_a_lock_of_another_program_is_said_and_given_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """A shared one too, as of a backup."""
+    fcntl = pytest.importorskip("fcntl", reason="locks of POSIX")
     path = tmp_path / "x.mcap"
     path.write_text("old")
     monkeypatch.setattr(lock, "SAID_AFTER", 0.05)

@@ -14,7 +14,6 @@ import contextlib
 import io
 import random
 import re
-import resource
 import signal
 import sys
 import traceback
@@ -224,6 +223,8 @@ def complaint(subject: Subject) -> str:
 
 def run(folder: Path, count: int, seed: int, wanted: list[str]) -> None:
     """Print what is wrong with `count` damaged copies of each format."""
+    import resource
+
     found = subjects(folder)
     now = folder / "now"
     for name, subject in found.items():  # libraries are loaded, and nothing is wrong
