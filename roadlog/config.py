@@ -81,11 +81,11 @@ def defaults(commands: Commands, environment: Mapping[str, str], folder: Path) -
 def files(environment: Mapping[str, str], folder: Path) -> list[Path]:
     """The files that count, the weakest first: the user's, then the nearest project's."""
     project = next(
-        (p / NAME for p in (folder, *folder.parents) if (p / NAME).is_file()),
+        (p / NAME for p in (folder, *folder.parents) if (p / NAME).exists()),
         None,
     )
     user = _user_folder(environment) / NAME
-    return [path for path in (user, project) if path is not None and path.is_file()]
+    return [path for path in (user, project) if path is not None and path.exists()]
 
 
 def _user_folder(environment: Mapping[str, str]) -> Path:

@@ -42,19 +42,19 @@ def export(
     out: Path,
     topics: Sequence[str] = (),
     roles: Sequence[str] = (),
-    every: str = "",
+    every: str | None = None,
     degrees: bool = False,
 ) -> tuple[int, list[Column], list[str]]:
     """Write chosen channels of a log to a file, whole or not at all; its ending tells the format.
 
     topics, roles: what to take, default all channels but those for other viewers. every: a common
-    grid from the first message, `1s`, `10m` along the way, `50Hz`; empty keeps the messages' own
+    grid from the first message, `1s`, `10m` along the way, `50Hz`; None keeps the messages' own
     times. degrees: instead of radians. Returns rows, columns, losses. Raises LogReadError,
     LogWriteError, ConfigError for a name that is not there.
     """
     if out.suffix.lower() not in FORMATS:
         raise ConfigError(f"{out}: write to a file that ends in {', '.join(FORMATS)}")
-    step, unit = _step(every) if every else (0.0, "")
+    step, unit = (0.0, "") if every is None else _step(every)
     grid = _along(log, step) if unit == "m" else None
     rate = {"": None, "m": SLOWEST, "s": 1 / (step or 1), "Hz": step}[unit]
     with LogReader(log) as reader:
@@ -80,7 +80,10 @@ def _step(text: str) -> tuple[float, str]:
     parts = _STEP.fullmatch(text.strip())
     step = float(parts[1]) if parts else 0.0
     if parts is None or not 1e-5 <= step <= 1e5:
-        raise ConfigError(f"every: '{text}' is no step: 1s, 0.1s, 10m along the way, or 50Hz")
+        raise ConfigError(
+            f"--every: '{text}' is no step: a number from 0.00001 to 100000 and s, m (along the "
+            f"way) or Hz, as in 0.1s, 10m, 50Hz"
+        )
     return step, parts[2]
 
 
@@ -176,7 +179,7 @@ def _columns(reader: LogReader, topics: Sequence[str], roles: Sequence[str]) -> 
             found.append(Column(name, topic, field, values.dtype, unit))
     lacking = [r for r in roles if r not in {column.name for column in found}]
     if lacking:
-        has = [c.name for c in found]
+        has = [r for r in SIGNALS if SECTIONS[r.split(".")[0]].topic in there]
         raise ConfigError(
             f"{reader.path}: the log does not know {', '.join(lacking)}. {near(lacking[0], has)}"
         )

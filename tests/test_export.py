@@ -103,8 +103,9 @@ def test_a_row_each_ten_meters_in_degrees(log, tmp_path):
     true = DriveLog(log).truth()
     at = np.interp(data["time_s"], true.time, np.degrees(true.grade))
     np.testing.assert_allclose(data["truthgrade_deg"], at, atol=0.02)
-    with pytest.raises(ConfigError, match=r"'10 km' is no step"):
-        export(log, out, every="10 km")
+    for step in ("10 km", "1e1m", ""):
+        with pytest.raises(ConfigError, match=f"--every: '{step}' is no step.* as in 0.1s"):
+            export(log, out, every=step)
     assert out.read_text().splitlines()[0] == "time_ns,time_s,truth.grade [deg]"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,20 @@ def test_text_names_the_fault_and_the_remedy(roadlog, tmp_path):
     assert done.returncode == 0
     assert "CHECK: imu.accel_x, imu.accel_y, imu.accel_z: gravity reads 1" in done.stdout
     assert 'say unit = "g"' in done.stdout
+
+
+def test_damage_is_said_beside_the_checks_and_angles_in_degrees(roadlog, hill_log, tmp_path):
+    whole = roadlog("info", hill_log).stdout
+    assert "checks: nothing looks wrong\n" in whole
+    assert re.search(r"truth\.grade +deg .* 4\.000", whole)
+    data = bytearray(hill_log.read_bytes())
+    data[len(data) // 2] ^= 1
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(data)
+    done = roadlog("info", damaged)
+    assert done.returncode == 3
+    assert "nothing looks wrong in what could be read; the warnings say" in done.stdout
+    assert "damaged and was skipped" in done.stderr
 
 
 def test_a_foreign_log_is_listed(roadlog, tmp_path):

@@ -202,9 +202,9 @@ def angles(exam: Examination) -> None:
         exam.add(
             "unit",
             role,
-            f"reaches {largest:.1f} rad, which no road wheel does",
-            'degrees: say unit = "deg"; the steering wheel\'s angle: divide by the steering ratio '
-            "with scale",
+            f"reaches {np.degrees(largest):.0f} deg, which no road wheel does",
+            'if the source has degrees, say unit = "deg"; if it is the steering wheel\'s angle, '
+            "divide by the steering ratio with scale",
             largest,
         )
         exam.drop((role,))

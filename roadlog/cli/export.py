@@ -25,12 +25,12 @@ def export(
         typer.Option(metavar="ROLE", help="Only these signals, like imu.accel_x; likewise."),
     ] = None,
     every: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="1s|10m|50Hz",
             help="One row a second, each 10 m of way, or at 50 Hz, instead of own times.",
         ),
-    ] = "",
+    ] = None,
     degrees: Annotated[
         bool, typer.Option("--degrees", help="Angles and rates in degrees instead of radians.")
     ] = False,

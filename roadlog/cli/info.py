@@ -11,7 +11,7 @@ import typer
 from roadlog.cli import console, options
 
 if TYPE_CHECKING:
-    from roadlog.summary import LogSummary
+    from roadlog.summary import LogSummary, SignalSummary
 
 
 def info(
@@ -32,11 +32,11 @@ def info(
     if as_json:
         console.print_json(asdict(summary))
     else:
-        _print(summary)
+        _print(summary, is_whole=not opened.losses)
     console.warn_losses(opened.losses)
 
 
-def _print(summary: LogSummary) -> None:
+def _print(summary: LogSummary, is_whole: bool) -> None:
     from roadlog.for_viewers import is_for_viewers
 
     rows = [
@@ -60,18 +60,7 @@ def _print(summary: LogSummary) -> None:
     console.print_table(columns, rows, f"{summary.log}: {summary.duration:.1f} s", left=3)
     if shown := len(summary.channels) - len(rows):
         console.say(f"and {shown} channels of angles in degrees and frames, for other viewers")
-    signals = [
-        [
-            signal.role,
-            signal.unit,
-            console.figure(signal.rate, 1),
-            _percent(signal.nan_share),
-            console.figure(signal.minimum),
-            console.figure(signal.mean),
-            console.figure(signal.maximum),
-        ]
-        for signal in summary.signals
-    ]
+    signals = [_signal(signal) for signal in summary.signals]
     if signals:
         console.say("")
         columns = ["signal", "unit", "Hz", "unknown", "min", "mean", "max"]
@@ -82,13 +71,24 @@ def _print(summary: LogSummary) -> None:
     for finding in summary.checks:
         console.say(f"{'CHECK' if finding.level == 'fault' else 'note'}: {finding}")
     if not any(finding.level == "fault" for finding in summary.checks):
-        console.say("checks: nothing looks wrong")
+        part = "" if is_whole else " in what could be read; the warnings say what could not"
+        console.say(f"checks: nothing looks wrong{part}")
     _print_outlook(summary)
     able = [estimator.name for estimator in summary.estimators if estimator.can_run]
     console.say(f"can run: {', '.join(able) or 'none'}")
     for estimator in summary.estimators:
         if not estimator.can_run:
             console.say(f"cannot run: {estimator.name}: {estimator.reason}")
+
+
+def _signal(signal: SignalSummary) -> list[str]:
+    """Its line of the table, angles and rates in degrees."""
+    from roadlog.details import for_people
+
+    unit, factor = for_people(signal.unit)
+    extent = (factor * value for value in (signal.minimum, signal.mean, signal.maximum))
+    rate = console.figure(signal.rate, 1)
+    return [signal.role, unit, rate, _percent(signal.nan_share), *map(console.figure, extent)]
 
 
 def _print_outlook(summary: LogSummary) -> None:

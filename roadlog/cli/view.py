@@ -167,7 +167,12 @@ def _show(
     path = save or (folder / "drive.rrd" if is_ours else viewer.recording_path())
     if save is not None or connect is None:
         shown.write(path)
-        console.say(f"{path}: {shown.words}, {path.stat().st_size / 1e6:.1f} MB")
+        size = f"{path.stat().st_size / 1e6:.1f} MB"
+        console.say(
+            f"{shown.words}, {size}"
+            if is_ours and save is None
+            else f"{path}: {shown.words}, {size}"
+        )
     if connect is not None:
         shown.send(connect)
         console.say(f"sent to {connect}")

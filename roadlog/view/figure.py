@@ -51,6 +51,12 @@ class Extent:
         """Of the axis."""
         return "time [s]" if self.over == "time" else "distance [m]"
 
+    def __str__(self) -> str:
+        """The options that ask for it."""
+        unit = "s" if self.over == "time" else "m"
+        ends = (("--from", self.first), ("--to", self.last))
+        return " ".join(f"{option} {end:g} {unit}" for option, end in ends if end is not None)
+
     def of(self, curve: Curve | SensorPlot) -> Floats:
         """Abscissas of a curve. Raises LogReadError where the log tells no distance."""
         if self.over == "time":
@@ -97,10 +103,7 @@ def write_figure(
         raise LogReadError(f"{view.name}: no angle '{absent[0]}'. {near(absent[0], view.ranges)}")
     drawn = [*view.truth.values(), *view.estimates.values()]
     if not any(part.inside(curve).any() for curves in drawn for curve in curves.values()):
-        raise LogReadError(
-            f"{view.name}: nothing lies between --from {part.first} and --to {part.last}, "
-            f"{part.label}"
-        )
+        raise LogReadError(f"{view.name}: nothing lies in the part that is asked for, {part}")
     # the same log gives the same bytes: no random ids, no date; text in an svg stays text
     with matplotlib.rc_context({"svg.hashsalt": "roadlog", "svg.fonttype": "none"}):
         figure = figure_of(view, part)

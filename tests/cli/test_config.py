@@ -79,6 +79,13 @@ def test_faults_name_file_key_and_near_names(tmp_path: Path, home: Path, text: s
     assert home.is_dir()
 
 
+def test_a_folder_of_that_name_is_not_passed_over(tmp_path: Path, home: Path) -> None:
+    (tmp_path / "roadlog.toml").mkdir()
+    with pytest.raises(ConfigError, match=r"roadlog\.toml: cannot be read"):
+        found(tmp_path)
+    assert home.is_dir()
+
+
 def test_a_variable_that_no_command_knows(tmp_path: Path, home: Path) -> None:
     with pytest.raises(ConfigError, match=r"ROADLOG_RAET.*Close: ROADLOG_RATE"):
         found(tmp_path, ROADLOG_RAET="1")
