@@ -16,7 +16,9 @@ from roadlog.storage import LogReader, Table
 
 MOST_SAID = 20  # differences of one log
 XCDR2 = 0x06  # the first representation of version 2: OMG DDS-XTYPES 1.3, table 60
-_STEP = re.compile(r"\.?([^.\[\]]+)|\[(\d+)\]")
+_STEP = re.compile(r"\.?([^.\[\]]+)|\[(\w+)=([^\]]*)\]")  # of `joints.0.velocity[name=fl]`
+
+_Step = str | tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -132,8 +134,7 @@ def _compare(ours: Table, theirs: _Theirs, found: Witness) -> None:
     messages = [theirs.messages[k] for k in order]
     values, left_out = 0, []
     for name, column in ours.columns.items():
-        steps = [step[0] or int(step[1]) for step in _STEP.findall(name)]
-        other = _column(messages, steps)
+        other = _column(messages, name)
         if other is None:
             left_out.append(name)
             continue
@@ -148,24 +149,50 @@ def _compare(ours: Table, theirs: _Theirs, found: Witness) -> None:
     found.topics.append(TopicWitness(ours.topic, len(ours), values, tuple(left_out)))
 
 
-def _column(messages: list[Any], steps: list[str | int]) -> NDArray[np.float64] | None:
-    """One field of every message; None where it is no number or is not there."""
+def _column(messages: list[Any], name: str) -> NDArray[np.float64] | None:
+    """One number of every message, NaN where it has none; None where theirs is no number."""
+    steps: list[_Step] = [(key, label) if key else word for word, key, label in _STEP.findall(name)]
     result = np.empty(len(messages))
     for k, message in enumerate(messages):
-        value = message
-        for step in steps:
-            if isinstance(step, int):
-                value = value[step] if len(value) > step else None
-            elif _is_unset(value, step):
-                value = np.nan
-            else:
-                value = getattr(value, step, None)
-            if value is None:
-                return None
-        if not isinstance(value, (int, float)):
+        number = _number(message, steps)
+        if number is None:
             return None
-        result[k] = value
+        result[k] = number
     return result
+
+
+def _number(message: Any, steps: list[_Step]) -> float | None:
+    """NaN where a field is not set or a list is shorter; None for what is no number."""
+    owner, value = None, message
+    for step in steps:
+        try:
+            owner, value = value, _inside(owner, value, step)
+        except (IndexError, StopIteration, _UnsetError):
+            return np.nan
+        except (AttributeError, KeyError, TypeError, ValueError):
+            return None
+    return value if isinstance(value, (int, float)) else None
+
+
+def _inside(owner: Any, value: Any, step: _Step) -> Any:
+    """A field, an element by its place, or one by its name, which it or a list beside it says."""
+    if isinstance(step, tuple):
+        key, label = step
+        if hasattr(value[0], key):
+            return next(element for element in value if getattr(element, key) == label)
+        names = list(getattr(owner, key))
+        if len(names) != len(value):
+            raise _UnsetError
+        return value[names.index(label)] if label in names else np.nan
+    if step.isdigit():
+        return value[int(step)]
+    if _is_unset(value, step):
+        raise _UnsetError
+    return getattr(value, step)
+
+
+class _UnsetError(Exception):
+    """A message leaves a field out."""
 
 
 def _is_unset(message: Any, name: str) -> bool:

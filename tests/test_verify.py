@@ -5,10 +5,14 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
+import numpy as np
 import pytest
+from google.protobuf import descriptor_pb2, timestamp_pb2
 from mcap.writer import Writer
 from support.drives import ROOT
+from support.protobuf_values import message_class
 from support.results import put, result
+from support.ros_messages import ROS2, leaves, random_message, write_mcap
 from typer.testing import CliRunner
 
 from roadlog.cli import app
@@ -45,6 +49,38 @@ def test_a_damaged_log_differs(hill_log: Path) -> None:
     content[len(content) // 2] ^= 1
     hill_log.write_bytes(content)
     assert CliRunner().invoke(app, ["verify", str(hill_log)]).exit_code == 3
+
+
+@pytest.mark.parametrize("name", ["JointState", "MultiDOFJointState", "BatteryState", "Joy"])
+def test_elements_of_lists_are_compared_too(tmp_path: Path, name: str) -> None:
+    """Of various lengths, by number and by name."""
+    pytest.importorskip("mcap_ros2")
+    type_, chance = f"sensor_msgs/msg/{name}", np.random.default_rng(3)
+    text, _ = ROS2.generate_msgdef(type_, ros_version=2)
+    messages = [random_message(ROS2, type_, chance) for _ in range(20)]
+    payloads = [ROS2.serialize_cdr(message, type_) for message in messages]
+    log = write_mcap(tmp_path / "x.mcap", "cdr", (type_, "ros2msg", text.encode()), payloads)
+    found = verify(log)
+    assert not found.differences
+    (topic,) = found.topics
+    assert not topic.left_out
+    assert topic.values > 20 * len(list(leaves(messages[0])))
+
+
+def test_elements_of_lists_in_protobuf(tmp_path: Path) -> None:
+    types = {"Wheel": "string name, double speed, repeated sint32 ticks", "Car": "repeated Wheel w"}
+    car = message_class(types, "Car")
+    messages = [car(w=[{"name": f"n{j}", "speed": j, "ticks": [-j] * j} for j in range(k)])
+                for k in range(5)]  # fmt: skip
+    files = descriptor_pb2.FileDescriptorSet()
+    for file in (timestamp_pb2.DESCRIPTOR, car.DESCRIPTOR.file):
+        file.CopyToProto(files.file.add())
+    schema = ("t.Car", "protobuf", files.SerializeToString())
+    payloads = [message.SerializeToString() for message in messages]
+    found = verify(write_mcap(tmp_path / "x.mcap", "protobuf", schema, payloads))
+    assert not found.differences
+    assert not found.topics[0].left_out
+    assert found.topics[0].values == 5 * 2 * (4 + 1 + 2 + 3)
 
 
 def test_what_the_witness_cannot_decode_is_not_called_different(tmp_path: Path) -> None:
