@@ -174,7 +174,7 @@ def read_report(where: str) -> dict[str, TableRow]:
     else:
         rows = table.read_rows(Path(where))
     if not rows:
-        raise LogReadError(f"{where}: holds no report (no {table.ROWS})")
+        raise LogReadError(f"{where}: holds no report (no whole row in a {table.ROWS})")
     return rows
 
 

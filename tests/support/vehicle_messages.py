@@ -85,6 +85,18 @@ DEFINITIONS = {
         "std_msgs/Header header\nfloat64 acceleration_x # m/s^2\nfloat64 acceleration_y # m/s^2\n"
         "float64 acceleration_z # m/s^2\nfloat64 angular_rate_x # deg/s\nfloat64 angular_rate_y # deg/s\n"
         "float64 angular_rate_z # deg/s",
+    "ublox_msgs/msg/NavPOSLLH": "uint32 iTOW\nint32 lon\nint32 lat\nint32 height\nuint32 hAcc\nuint32 vAcc",
+    "ublox_msgs/msg/NavVELNED": "uint32 iTOW\nint32 velD\nuint32 speed\nuint32 gSpeed\nint32 heading",
+    "ublox_msgs/msg/NavATT": "uint32 iTOW\nint32 roll\nint32 pitch\nint32 heading",
+    "foxglove_msgs/msg/LocationFix":
+        "builtin_interfaces/Time timestamp\nstring frame_id\nfloat64 latitude\nfloat64 longitude\n"
+        "float64 altitude\nfloat64[9] position_covariance\nuint8 position_covariance_type",
+    "septentrio_gnss_driver/msg/AttEuler": "std_msgs/Header header\nuint8 error\nfloat32 heading\nfloat32 pitch\nfloat32 roll",
+    "sbg_driver/msg/SbgEkfNav":
+        "std_msgs/Header header\nfloat64 latitude\nfloat64 longitude\nfloat64 altitude\n"
+        "geometry_msgs/Vector3 velocity\ngeometry_msgs/Vector3 position_accuracy",
+    "pacmod3_msgs/msg/AngVelRpt": "std_msgs/Header header\nfloat64 yaw_vel\nbool yaw_valid",
+    "pacmod3_msgs/msg/YawRateRpt": "std_msgs/Header header\nfloat64 yaw_rate",
 }  # fmt: skip
 
 SPEED = {"speed.v": V}
@@ -92,6 +104,7 @@ WHEELS = {f"wheel_speeds.{w}": V for w in ("fl", "fr", "rl", "rr")}
 IMU = {
     f"imu.{k}_{a}": x[i] for k, x in (("accel", ACCEL), ("gyro", GYRO)) for i, a in enumerate("xyz")
 }
+ACCELERATIONS = {role: values for role, values in IMU.items() if "accel" in role}
 FIX = {"gnss.latitude": LATITUDE, "gnss.longitude": LONGITUDE, "gnss.altitude": ALTITUDE}
 VELOCITY = {"gnss.speed": V, "gnss.course": HEADING, "gnss.climb": CLIMB}
 ATTITUDE = {"truth.inclination": GRADE, "truth.roll_total": ROLL}
@@ -193,6 +206,44 @@ KINDS: dict[str, Kind] = {
     "sbg_gps": ("/sbg/gps_pos", "sbg_driver/msg/SbgGpsPos", lambda k: {
         "latitude": LATITUDE[k], "longitude": LONGITUDE[k], "altitude": ALTITUDE[k],
         "position_accuracy": xyz(2.0, 2.0, 3.0)}, {**FIX, "gnss.vertical_accuracy": 3 + 0 * T}),
+    "accel": ("/imu/accel", "geometry_msgs/msg/AccelStamped", lambda k: {
+        "accel": {"linear": xyz(*ACCEL[:, k])}}, ACCELERATIONS),
+    "accel_covariance": ("/accel", "geometry_msgs/msg/AccelWithCovarianceStamped", lambda k: {
+        "accel": {"accel": {"linear": xyz(*ACCEL[:, k])}}}, ACCELERATIONS),
+    "xsens_accel": ("/imu/acceleration", "geometry_msgs/msg/Vector3Stamped", lambda k: {
+        "vector": xyz(*ACCEL[:, k])}, ACCELERATIONS),
+    "xsens_rates": ("/imu/angular_velocity", "geometry_msgs/msg/Vector3Stamped", lambda k: {
+        "vector": xyz(*GYRO[:, k])}, {r: x for r, x in IMU.items() if "gyro" in r}),
+    "xsens_lla": ("/filter/positionlla", "geometry_msgs/msg/Vector3Stamped", lambda k: {
+        "vector": xyz(LATITUDE[k], LONGITUDE[k], ALTITUDE[k])}, FIX),
+    "pacmod_rates": ("/pacmod/ang_vel_rpt", "pacmod3_msgs/msg/AngVelRpt", lambda k: {
+        "yaw_vel": YAW_RATE[k], "yaw_valid": True}, {"imu.gyro_z": YAW_RATE}),
+    "pacmod_yaw_rate": ("/pacmod/yaw_rate_rpt", "pacmod3_msgs/msg/YawRateRpt", lambda k: {
+        "yaw_rate": YAW_RATE[k]}, {"imu.gyro_z": YAW_RATE}),
+    "plain_twist": ("/car_speed", "geometry_msgs/msg/Twist",
+        lambda k: {"linear": xyz(V[k], 0.0, 0.0)}, SPEED),
+    "twist_covariance": ("/vehicle/odometry_speed", "geometry_msgs/msg/TwistWithCovarianceStamped",
+        lambda k: {"twist": {"twist": {"linear": xyz(V[k], 0.0, 0.0)}}}, SPEED),
+    "map_odometry": ("/gps/odom", "nav_msgs/msg/Odometry",
+        lambda k: {"twist": {"twist": {"linear": xyz(EAST[k], NORTH[k], CLIMB[k])}}}, VELOCITY),
+    "navposllh": ("/ublox/navposllh", "ublox_msgs/msg/NavPOSLLH", lambda k: {
+        "lat": round(1e7 * LATITUDE[k]), "lon": round(1e7 * LONGITUDE[k]),
+        "height": round(1e3 * ALTITUDE[k]), "hAcc": 1500}, FIX),
+    "navvelned": ("/ublox/navvelned", "ublox_msgs/msg/NavVELNED", lambda k: {
+        "gSpeed": round(1e2 * V[k]), "velD": round(-1e2 * CLIMB[k]),
+        "heading": round(1e5 * (90 - np.degrees(HEADING[k])))}, VELOCITY),
+    "navatt": ("/ublox/navatt", "ublox_msgs/msg/NavATT", lambda k: {
+        "pitch": round(1e5 * np.degrees(GRADE[k])), "roll": round(1e5 * np.degrees(ROLL[k]))}, ATTITUDE),
+    "foxglove_fix": ("/fix", "foxglove_msgs/msg/LocationFix", lambda k: {
+        "latitude": LATITUDE[k], "longitude": LONGITUDE[k], "altitude": ALTITUDE[k],
+        "position_covariance": np.array([4.0, 0, 0, 0, 4.0, 0, 0, 0, 9.0]),
+        "position_covariance_type": 2}, {**FIX, "gnss.horizontal_accuracy": 2 + 0 * T}),
+    "septentrio_attitude": ("/atteuler", "septentrio_gnss_driver/msg/AttEuler", lambda k: {
+        "pitch": np.degrees(GRADE[k]), "roll": np.degrees(ROLL[k])}, ATTITUDE),
+    "sbg_nav": ("/sbg/ekf_nav", "sbg_driver/msg/SbgEkfNav", lambda k: {
+        "latitude": LATITUDE[k], "longitude": LONGITUDE[k], "altitude": ALTITUDE[k],
+        "velocity": xyz(EAST[k], NORTH[k], CLIMB[k]), "position_accuracy": xyz(2.0, 2.0, 3.0)},
+        {**FIX, "gnss.speed": V, "gnss.vertical_accuracy": 3 + 0 * T}),
     "sbg_velocity": ("/sbg/gps_vel", "sbg_driver/msg/SbgGpsVel", lambda k: {
         "velocity": xyz(EAST[k], NORTH[k], CLIMB[k])}, {"gnss.speed": V}),
 }  # fmt: skip
