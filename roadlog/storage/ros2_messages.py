@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog import field_units
+from roadlog.signals import FLAGS
 from roadlog.storage import definitions, records, schemas
 from roadlog.storage.definitions import PRIMITIVES, Types
 from roadlog.storage.messages import HEAD, Wire
@@ -77,6 +78,8 @@ def definition(table: Table) -> str:
         if not code or (field.is_repeated and not inside):
             continue
         array = f"[{len(inside)}]" if field.is_repeated else ""
+        if field.name == "flags":  # viewers show a value that is a constant before it by its name
+            lines += [f"uint32 {name.upper()}={bit}" for name, bit in FLAGS.items()]
         unit = f"  # {units[field.name]}" if field.name in units else ""
         lines.append(f"{_TYPES[np.dtype(code).str[1:]]}{array} {field.name}{unit}")
     return "\n".join(lines) + "\n" + _HEADER

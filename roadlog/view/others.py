@@ -16,8 +16,10 @@ from typing import Any
 from xml.etree import ElementTree
 
 from roadlog.errors import MissingSignalError
+from roadlog.files import write
 from roadlog.for_viewers import DEGREES, FRAME_SCHEMA, LEVEL
 from roadlog.log import DriveLog
+from roadlog.scratch import scratch
 from roadlog.signals import ANGLES, TRUTH_TOPIC, estimate_topic
 from roadlog.view.colors import TRUTH, colors
 
@@ -36,7 +38,7 @@ def write_layout(log: DriveLog, viewer: str, path: Path) -> None:
         _rerun(log, curves, path)
         return
     text = _foxglove(log, curves) if viewer == "foxglove" else _plotjuggler(curves)
-    path.write_text(text, encoding="utf-8")
+    write(path, text)
 
 
 Curves = Mapping[str, Mapping[str, str]]  # angle -> name of a curve -> topic
@@ -203,7 +205,9 @@ def _rerun(log: DriveLog, curves: Curves, path: Path) -> None:
                 )
             )
     views += [rrb.MapView(origin="/", name="map")]
-    rrb.Blueprint(rrb.Grid(*views), collapse_panels=True).save("roadlog", path)
+    with scratch() as folder:
+        rrb.Blueprint(rrb.Grid(*views), collapse_panels=True).save("roadlog", folder / path.name)
+        write(path, (folder / path.name).read_bytes())
 
 
 def _color_number(name: str) -> int:

@@ -85,6 +85,7 @@ def test_a_bag_stays_a_bag(bag):
             message = reader.deserialize(raw, connection.msgtype)
             counts[connection.topic] += 1
             if connection.topic == "/estimates/kmbe/angles":
+                assert (message.STANDSTILL, message.UNCERTAIN) == (8, 512)
                 assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == stamp
                 grades.append((stamp, message.grade, message.valid))
             elif connection.topic == "/truth/angles":

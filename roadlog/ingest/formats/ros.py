@@ -36,19 +36,19 @@ def recognizes(path: Path) -> bool:
 
 def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
     """`KIND.field` and `TOPIC.field` of every numeric field."""
-    with _opened(path) as (readers, _):
+    with opened(path) as (readers, _):
         return messages.names(readers, dbc)
 
 
 def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """Fields that the profile reads, one frame a topic. Raises LogReadError, MissingExtraError."""
-    with _opened(path) as (readers, losses):
+    with opened(path) as (readers, losses):
         found = messages.recording(readers, profile, path.name, dbc)
     return Recording(found.frames, (*losses, *found.losses), found.notes, found.unread)
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[tuple[list[messages.MessageReader], list[str]]]:
+def opened(path: Path) -> Iterator[tuple[list[messages.MessageReader], list[str]]]:
     """The parts of a bag, and sentences on those that cannot be read. Raises LogReadError."""
     parts, losses = _parts(path) if path.is_dir() else ([path], [])
     readers: list[messages.MessageReader] = []
