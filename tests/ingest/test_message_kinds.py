@@ -68,6 +68,15 @@ SCHEMAS = {
 }  # fmt: skip
 
 
+WHAT_A_DRIVE_NEEDS = {
+    "imu.accel_x": "imu",
+    "imu.gyro_x": "xsens_rates",
+    "speed.v": "twist",
+    "gnss.latitude": "fix",
+    "gnss.speed": "fix_velocity",
+}
+
+
 @pytest.fixture(scope="module")
 def native(tmp_path_factory):
     """rad, RMSE of the grade by kmbe from a log of roadlog's own."""
@@ -89,11 +98,12 @@ def rmse(log):
 def test_kind_goes_from_info_to_estimate_without_a_profile(tmp_path, native, name, container):
     """Beside what else a drive needs: IMU, speed, position; a bag is ingested first."""
     roles = set(KINDS[name][3])
-    needs_radius = name == "joints" or any(role.startswith("wheel") for role in roles)
-    others = {"imu": "imu.accel_x", "twist": "speed.v", "gpsfix": "gnss.latitude"}
-    names = [name, *(kind for kind, role in others.items() if role not in roles and kind != name)]
-    if needs_radius:
-        names.remove("twist")
+    names = [name]
+    for role, kind in WHAT_A_DRIVE_NEEDS.items():
+        is_there = any(role in KINDS[other][3] for other in names)
+        is_by_wheels = role == "speed.v" and any("wheel" in own for own in roles)
+        if not is_there and not is_by_wheels:
+            names.append(kind)
     path = write(tmp_path / f"drive.{container}", names, container)
     log = DriveLog(path) if container == "mcap" else taken_in(path, tmp_path / "log.mcap")
     found = {signal.role: signal for signal in summarize(log).signals}
