@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from roadlog.errors import LogReadError, MissingExtraError, near
-from roadlog.ingest.formats import dbc_text
+from roadlog.ingest.formats import database_xml, dbc_text
 from roadlog.ingest.formats.parsers import guarded, readable
 
 EXTENDED = 1 << 31  # marks a 29-bit identifier, as in a DBC file
@@ -90,10 +90,14 @@ def load(paths: Sequence[Path]) -> list[Known]:
 
 def _opened(cantools: Any, path: Path) -> tuple[Any, str]:
     """The database, and what had to be put right in it."""
+    kind = path.suffix.lower().removeprefix(".")
+    if kind in database_xml.KINDS:
+        text = database_xml.as_labels(path, kind)
+        return cantools.database.load_string(text, kind, strict=False), ""
     try:
         return cantools.database.load_file(path, strict=False), ""
     except cantools.database.UnsupportedDatabaseFormatError:
-        if path.suffix.lower() != ".dbc":
+        if kind != "dbc":
             raise
         text, said = dbc_text.mended(path.read_text("cp1252", "replace"))
         try:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.ingest.formats.can_database import Known
+from roadlog.ingest.formats.database_xml import of_range
 from roadlog.ingest.frame import absent
 from roadlog.ingest.profile import Profile
 from roadlog.spool import Spool
@@ -53,6 +54,7 @@ class CanSignal:
         self.end = (self.start + signal.length - 1) // 8 + 1  # bytes that hold it
         self.ranges = groups and not signal.is_float  # of J1939, beside the texts
         self.codes = _codes(signal)
+        self.spans = _spans(signal)
         self.pages = frozenset(signal.multiplexer_ids or ())
         self.switch: CanSignal | None = None
         self.constant: Any = None  # its first raw value, until another one comes
@@ -102,6 +104,8 @@ class CanSignal:
         values = _scaled(self.definition, raw)
         for code, text in self.codes.items():
             self._leave_out(values, raw == code, text)
+        for text, first, last in self.spans:
+            self._leave_out(values, (raw >= first) & (raw <= last) & ~np.isnan(values), text)
         if self.ranges:
             for mask, text in _ranges(self.definition, raw):
                 self._leave_out(values, mask & ~np.isnan(values), text)
@@ -225,11 +229,17 @@ def _codes(signal: Any) -> dict[int, str]:
     """Raw values that a database names as no value."""
     found = {}
     for code, text in (signal.choices or {}).items():
-        if no_value(str(text)):
+        if no_value(str(text)) and not of_range(str(text)):
             found[int(code)] = str(text)
             if signal.is_signed and not signal.is_float and code >= 1 << (signal.length - 1):
                 found[int(code) - (1 << signal.length)] = str(text)  # written without its sign
     return found
+
+
+def _spans(signal: Any) -> list[tuple[str, int, int]]:
+    """Texts of ranges of raw values that mean no value, with first and last."""
+    found = (of_range(str(text)) for text in (signal.choices or {}).values())
+    return [span for span in found if span and no_value(span[0])]
 
 
 def _ranges(signal: Any, raw: NDArray) -> list[tuple[Bools, str]]:
