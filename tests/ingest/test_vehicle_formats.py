@@ -189,6 +189,30 @@ def test_tdms_files(tmp_path, timed):
     assert 'unit = "km/h"' in starter([path])
 
 
+@pytest.mark.parametrize(
+    ("pauses", "expected"),
+    [((60.0, 5.0), (60.0, 5.0)), ((0.0, 0.0), (0.0, 0.0)), ((0.03, -0.02), (0.0, 0.0))],
+    ids=["paused", "in blocks", "blocks by a computer's clock"],
+)
+def test_a_tdms_recording_that_went_on_later_keeps_its_moments(tmp_path, pauses, expected):
+    """npTDMS' own time track gives all samples the clock of the last segment."""
+    nptdms = pytest.importorskip("nptdms")
+    start = np.datetime64("2026-03-01T10:00:00", "us")
+    blocks = np.array_split(V, 3)
+    begins = np.cumsum([0.0, *(0.1 * len(b) + p for b, p in zip(blocks, pauses, strict=False))])
+    path = tmp_path / "drive.tdms"
+    with nptdms.TdmsWriter(str(path)) as writer:
+        for begin, block in zip(begins, blocks, strict=True):
+            moment = start + np.timedelta64(round(begin * 1e6), "us")
+            properties = {"wf_start_time": moment, "wf_increment": 0.1, "wf_start_offset": 0.0}
+            writer.write_segment([nptdms.ChannelObject("drive", "v", block, properties)])
+    (table,) = ingest([path], Profile.from_toml(PROFILE, "p")).tables
+    late = np.repeat(np.cumsum([0.0, *expected]), [len(block) for block in blocks])
+    time = table.time * 1e-9 - MIDNIGHT - 36_000
+    np.testing.assert_allclose(time, 0.1 * np.arange(len(V)) + late, atol=2e-6)
+    np.testing.assert_allclose(table.columns["v"] * 3.6, V)
+
+
 def test_a_unit_that_the_source_contradicts_is_said(tmp_path):
     path = tmp_path / "drive.csv"
     path.write_text("t,v\ns,mph\n" + "".join(f"{t},{v}\n" for t, v in zip(T, V, strict=True)))
