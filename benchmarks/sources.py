@@ -1,21 +1,32 @@
-"""Values that `ingest` decodes, sample by sample beside those of cantools: 0 should differ.
+"""Values that `ingest` reads, sample by sample beside those of the libraries that wrote or know
+them: 0 should differ.
 
-    python benchmarks/sources.py FOLDER...     # of DBC, ARXML, KCD and SYM files
+    python benchmarks/sources.py [FOLDER...]     # FOLDER: of DBC, ARXML, KCD and SYM files
 
-For each message of each database, FRAMES random payloads. A value that the database or SAE J1939
-names as none, which roadlog leaves out, is counted apart. Folders to try: the databases of opendbc
-(github.com/commaai/opendbc), and `tests/files` of the source distribution of cantools. What
-asammdf and python-can write is compared in tests/ingest (test_mdf_values, test_can_traces).
+1. Traces that python-can writes (ASC, BLF, TRC 1.0 and 2.1, CSV, SQLite, MF4, candump) and text
+   that it reads (TRC 1.1, 1.3, 2.0), against its own readers and the decoding of cantools.
+2. MDF files that asammdf writes, of every version, number type, conversion and kind of master,
+   with invalidation bits, against its own physical values and times.
+3. For each message of each database in the folders, FRAMES random payloads against cantools. To
+   try: opendbc (github.com/commaai/opendbc), `tests/files` of the source distribution of cantools.
+
+A value that a database, a conversion or SAE J1939 names as none, which roadlog leaves out, is
+counted apart.
 """
 
 from __future__ import annotations
 
 import sys
+import tempfile
 import warnings
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
+import source_measurements
+import source_traces
+from source_counts import beside
 
 from roadlog.errors import LogReadError
 from roadlog.ingest.formats import can
@@ -43,44 +54,47 @@ def compare(known: can.Known, rng: np.random.Generator, found: Counter[str]) -> 
     columns = can.decode(frames, [known], known.file).frames[0].columns
     found["messages"] += 1
     for row in range(FRAMES):
-        payload = data[row].tobytes()
-        try:
-            theirs = message.decode(payload, decode_choices=False, allow_truncated=True)
-            raw = message.decode(payload, False, False, allow_truncated=True)
-        except Exception:  # a page that cantools does not know
-            continue
-        for signal in message.signals:
-            if signal.name not in theirs or signal.name not in columns:
-                continue
-            ours, value = columns[signal.name][row], float(theirs[signal.name])
-            text = str((signal.choices or {}).get(raw[signal.name], ""))
-            if np.isnan(ours) and (can.no_value(text) or known.by_pgn):
-                found["values that are none"] += 1
-            elif ours == value or (np.isnan(ours) and np.isnan(value)):
-                found["values the same"] += 1
-            else:
-                found["values different"] += 1
-                print(f"{known.file}: {message.name}.{signal.name}: {ours!r}, cantools {value!r}")
+        theirs = source_traces.expected(known, data[row].tobytes())
+        for name in theirs.keys() & columns.keys():
+            where = f"{known.file}: {message.name}.{name}"
+            beside(found, where, float(columns[name][row]), theirs[name])
 
 
-def main() -> None:
-    """Compare the databases of some folders."""
-    warnings.simplefilter("ignore")
-    found: Counter[str] = Counter({"values different": 0})
+def databases(folders: Iterable[Path]) -> Counter[str]:
+    """Random payloads of the databases of some folders."""
+    found: Counter[str] = Counter()
     rng = np.random.default_rng(1)
-    for folder in map(Path, sys.argv[1:]):
+    for folder in folders:
         for path in sorted(p for p in folder.rglob("*") if p.suffix.lower() in SUFFIXES):
             try:
-                databases = can.load([path])
+                messages = can.load([path])
             except LogReadError as error:
                 found["databases refused"] += 1
                 print(error)
                 continue
             found["databases"] += 1
-            for known in databases:
+            for known in messages:
                 compare(known, rng, found)
-    for what, count in sorted(found.items()):
-        print(f"{what}: {count:,}")
+    return found
+
+
+def main() -> None:
+    """Print what is the same and what differs, for each library."""
+    warnings.simplefilter("ignore")
+    with tempfile.TemporaryDirectory() as folder:
+        parts = {
+            **source_traces.compared(Path(folder)),
+            **source_measurements.compared(Path(folder)),
+        }
+    if folders := [Path(name) for name in sys.argv[1:]]:
+        parts["databases, cantools"] = databases(folders)
+    total: Counter[str] = Counter()
+    for what, found in parts.items():
+        total += found
+        print(f"{what}: " + ", ".join(f"{n:,} {name}" for name, n in sorted(found.items())))
+    different = total["values different"] + total["stamps different"]
+    print(f"{total['values the same']:,} values the same, {different:,} values or stamps different")
+    sys.exit(1 if different else 0)
 
 
 if __name__ == "__main__":

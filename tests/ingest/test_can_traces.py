@@ -169,6 +169,16 @@ def test_months_in_other_languages(tmp_path, date):
     assert (start.month, start.day) == ((8, 2) if "Ago" in date else (3, 14))
 
 
+@pytest.mark.parametrize("part", ["018", "18"])
+def test_milliseconds_of_a_date_are_a_count(tmp_path, part):
+    """python-can writes 18 ms as `.18`."""
+    path = tmp_path / "car.asc"
+    path.write_text(asc(f"Tue Nov 14 22:13:20.{part} 2023"))
+    dbc, profile = files(tmp_path)
+    speed = next(t for t in ingest([path], profile, [dbc]).tables if t.topic == "/speed")
+    assert speed.time[0] == START * 10**9 + 18 * 10**6
+
+
 def test_a_date_that_nobody_understands_is_said(tmp_path):
     path = tmp_path / "car.asc"
     path.write_text(asc("yesterday"))

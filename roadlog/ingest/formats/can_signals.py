@@ -221,7 +221,8 @@ def _scaled(signal: Any, raw: NDArray) -> Floats:
     if whole and large and (scale, offset) != (1, 0):
         exact = [int(value) * int(scale) + int(offset) for value in raw.tolist()]
         return np.array([float(value) for value in exact], np.float64)
-    values: Floats = raw.astype(np.float64) * scale + offset
+    with np.errstate(invalid="ignore", over="ignore"):  # of floats any bits may come
+        values: Floats = raw.astype(np.float64) * scale + offset
     return values
 
 

@@ -80,6 +80,7 @@ _ASC_FD = re.compile(
 )
 _ASC_IDENTIFIER = re.compile(r"\bID = (\d+)(x?)", re.I)
 _NUMBER = re.compile(r"[0-9a-f]+x?", re.I)
+_COUNT_OF_MS = re.compile(r"(?<=:\d\d)\.(\d{1,2})(?!\d)")
 
 
 def asc(trace: Trace) -> Iterator[Line]:
@@ -94,14 +95,14 @@ def asc(trace: Trace) -> Iterator[Line]:
             words = line.split(None, 1)
             word = words[0].lower() if words else ""
             if word == "date" and len(words) > 1:
-                header = start = trace.dated(moment(words[1]), words[1])
+                header = start = trace.dated(_asc_date(words[1]), words[1])
             elif word == "base":
                 base = 10 if "dec" in line.lower() else 16
                 relative = "relative" in line.lower()
             elif word == "begin" and (
                 found := re.match(r"begin\s+triggerblock\s+(.+)", line, re.I)
             ):
-                triggered = moment(found[1])
+                triggered = _asc_date(found[1])
             continue
         stamp = _ns(event[1])
         clock = clock + stamp if relative else stamp
@@ -116,6 +117,11 @@ def asc(trace: Trace) -> Iterator[Line]:
             trace.bad += bool(_ASC_DATA.match(event[2]) or event[2].startswith("CANFD"))
         elif frame[1] is not None:
             yield start + offset + clock, bus_name(frame[0]), frame[1], frame[2]
+
+
+def _asc_date(text: str) -> int | None:
+    """ns of a date; its milliseconds are a count: python-can writes `20.18` for 18 of them."""
+    return moment(_COUNT_OF_MS.sub(lambda m: f".{m[1]:0>3}", text))
 
 
 def _asc_frame(text: str, base: int) -> tuple[str, int | None, bytes] | None:
