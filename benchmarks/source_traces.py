@@ -92,7 +92,10 @@ def expected(known: can.Known, data: bytes) -> dict[str, float | None]:
     found: dict[str, float | None] = {}
     for signal in message.signals:
         if signal.name in theirs:
-            text = str((signal.choices or {}).get(raw[signal.name], ""))
+            choices, code = signal.choices or {}, raw[signal.name]
+            if signal.is_signed and not signal.is_float and code < 0 and code not in choices:
+                code += 1 << signal.length  # a database may name it without its sign
+            text = str(choices.get(code, ""))
             none = can.no_value(text) or (known.by_pgn and is_none(signal, raw[signal.name]))
             found[signal.name] = None if none else float(theirs[signal.name])
     return found

@@ -14,6 +14,12 @@ FLATTENING = 1 / 298.257223563  # WGS 84
 EARTH_RADIUS = 6_371_008.8  # m, mean (IUGG)
 
 
+def of_degrees_minutes(values: Floats) -> Floats:
+    """deg of `ddmm.mmmm`, degrees and minutes in one number (NMEA 0183)."""
+    whole = np.trunc(np.divide(values, 100))
+    return np.asarray(whole + (values - 100 * whole) / 60)
+
+
 @dataclass(frozen=True)
 class TransverseMercator:
     """Transverse Mercator plane about a place, scale 1 on its meridian, WGS 84.

@@ -52,6 +52,9 @@ UNITS: dict[str, tuple[str, float]] = {
 # units of a slope: its tangent in parts
 SLOPES = {"%": 0.01, "‰": 0.001, "m/m": 1.0}
 
+# a position as NMEA 0183 writes it: degrees * 100 + minutes
+DEGREES_MINUTES = "ddmm.mmmm"
+
 # how a column may write the time besides a number of a unit: of the day, days since 1899-12-30
 # (spreadsheets) and since the year 0 (MATLAB), and a date as one number
 CLOCK_FORMS = ("hhmmss", "excel", "datenum", "yyyymmddhhmmss")
@@ -127,6 +130,12 @@ def canonical(unit: str) -> str:
     if text not in UNITS:
         raise ConfigError(f"unknown unit '{unit}'. {near(unit, UNITS)}")
     return text
+
+
+def is_written(role: str, unit: str) -> bool:
+    """Whether no factor leads from the unit to SI: a slope by its tangent, degrees and minutes."""
+    slope = role.startswith(("truth.grade", "truth.bank")) and unit in SLOPES
+    return slope or (role in ("gnss.latitude", "gnss.longitude") and unit == DEGREES_MINUTES)
 
 
 def to_si(unit: str, expected: str) -> float:

@@ -12,12 +12,12 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from roadlog.checks.finding import Finding
-from roadlog.geo import EARTH_RADIUS
+from roadlog.geo import EARTH_RADIUS, of_degrees_minutes
 from roadlog.signals import AXES, SECTIONS, WHEELS
 from roadlog.spool import release
 from roadlog.storage import Table
 from roadlog.types import Floats
-from roadlog.units import STANDARD_GRAVITY
+from roadlog.units import DEGREES_MINUTES, STANDARD_GRAVITY
 
 ROWS = 200_000  # that are looked at, evenly taken
 MOSTLY = 0.5  # share of samples
@@ -144,6 +144,8 @@ def _cause(roles: tuple[str, ...], signals: RoleSignals) -> tuple[str, float | N
         for factor, name in MEANT.get(_kind(roles[0]), ())
         if _fits(roles, signals, factor)
     ]
+    if not fitting and (written := _degrees_minutes(roles, signals)):
+        return written, None
     if not fitting:
         return "nothing that is tried makes it fit: another signal, or another unit?", None
     factor, name = min(fitting, key=lambda pair: _off_gravity(roles, signals, pair[0]))
@@ -186,9 +188,19 @@ def _off_gravity(roles: tuple[str, ...], signals: RoleSignals, factor: float) ->
 def _minutes(roles: tuple[str, ...], signals: RoleSignals) -> str:
     """What else minutes may be: `ddmm.mmmm` never has minutes beyond 59."""
     rest = np.concatenate([np.abs(signals[role][1]) % 100 for role in roles])
-    also = "; or degrees and minutes in one number (ddmm.mmmm), then convert it first"
+    also = f'; or degrees and minutes in one number, then unit = "{DEGREES_MINUTES}"'
     west = "; a longitude that counts positive to the west needs a minus"
     return (also if (rest < 60).all() else "") + west
+
+
+def _degrees_minutes(roles: tuple[str, ...], signals: RoleSignals) -> str:
+    """What to write where positions fit as degrees and minutes in one number; empty for not."""
+    if _kind(roles[0]) != "position" or not _minutes(roles, signals).startswith("; or"):
+        return ""
+    read = {role: (signals[role][0], of_degrees_minutes(signals[role][1])) for role in roles}
+    if not _fits(roles, {**signals, **read}, 1.0):
+        return ""
+    return f'degrees and minutes in one number? Then say unit = "{DEGREES_MINUTES}" in the profile'
 
 
 def _wrapped(roles: tuple[str, ...], signals: RoleSignals) -> int:

@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.errors import ConfigError, LogReadError, near
+from roadlog.geo import of_degrees_minutes
 from roadlog.ingest.frame import Frame
 from roadlog.ingest.grid import Signals, one_grid
-from roadlog.ingest.profile import AbsentError, Entry, Profile, find, is_slope
+from roadlog.ingest.profile import AbsentError, Entry, Profile, find
 from roadlog.ingest.union import rows_of, united, windows
 from roadlog.signals import AXES, SECTIONS, SIGNALS, Section
 from roadlog.spool import Spool, blocks, release
 from roadlog.storage import Table, schemas
 from roadlog.types import Bools, Floats, Stamps
-from roadlog.units import SLOPES, canonical, to_si
+from roadlog.units import DEGREES_MINUTES, SLOPES, canonical, is_written, to_si
 
 SLOW_SECTIONS = ("speed", "gnss", "barometer")  # of devices that fast tables repeat
 REPEATS = 5  # rows; a value that typically stays this long is held, not measured anew
@@ -117,7 +118,7 @@ def contradicted(located: Sequence[Located]) -> list[str]:
             same = not stated or not entry.unit or canonical(stated) == canonical(entry.unit)
         except ConfigError:  # a unit that is none of ours
             continue
-        scaled = entry.scale != 1.0 or entry.unit in SLOPES
+        scaled = entry.scale != 1.0 or is_written(entry.role, entry.unit)
         if not same and not scaled:
             name = f"{frame.name}.{column}" if frame.name else column
             found.append(
@@ -156,8 +157,8 @@ def tables(found: Signals) -> list[Table]:
 def _samples(entry: Entry, frame: Frame, column: str) -> tuple[Stamps, Floats]:
     """Stamps and SI values of one entry; NaN where invalid."""
     expected = SIGNALS[entry.role].unit
-    slope = SLOPES.get(entry.unit) if is_slope(entry.role) else None
-    factor = slope or (to_si(entry.unit, expected) if entry.unit else 1.0)
+    written = is_written(entry.role, entry.unit)
+    factor = to_si(entry.unit, expected) if entry.unit and not written else 1.0
     if entry.valid is not None and entry.valid.name not in frame.columns:
         raise ConfigError(
             f"{entry.role}: valid needs '{entry.valid.name}' in the same message as "
@@ -165,7 +166,7 @@ def _samples(entry: Entry, frame: Frame, column: str) -> tuple[Stamps, Floats]:
         )
     raw = frame.columns[column]
     flag = None if entry.valid is None else frame.columns[entry.valid.name]
-    is_si = (entry.scale, entry.offset, factor) == (1.0, 0.0, 1.0) and not slope
+    is_si = (entry.scale, entry.offset, factor) == (1.0, 0.0, 1.0) and not written
     if is_si and flag is None and raw.dtype == np.float64 and not _has_infinity(raw):
         return _delayed(frame.time, entry.delay), raw
     found = Spool(np.float64)
@@ -173,14 +174,21 @@ def _samples(entry: Entry, frame: Frame, column: str) -> tuple[Stamps, Floats]:
         with np.errstate(over="ignore", invalid="ignore"):  # what is beyond a float is unknown
             numbers = _numbers(raw[rows], entry.role)
             values: Floats = (numbers * entry.scale + entry.offset) * factor
-            if slope:
-                values = np.arctan(values)
+            if written:
+                values = _read(values, entry.unit)
         values[~np.isfinite(values)] = np.nan
         if entry.valid is not None and flag is not None:
             values[~entry.valid.holds(_numbers(flag[rows], entry.role))] = np.nan
         found.append(values)
         release([raw] if flag is None else [raw, flag])
     return _delayed(frame.time, entry.delay), found.column()
+
+
+def _read(values: Floats, unit: str) -> Floats:
+    """Angles of what is written as a slope, or as degrees and minutes in one number."""
+    if unit == DEGREES_MINUTES:
+        return of_degrees_minutes(values)
+    return np.asarray(np.arctan(values * SLOPES[unit]))
 
 
 def _has_infinity(values: Floats) -> bool:

@@ -21,7 +21,7 @@ from roadlog.ingest.frame import Frame
 from roadlog.ingest.mount import rotation
 from roadlog.signals import SECTIONS
 from roadlog.types import Bools, Floats
-from roadlog.units import CLOCK_FORMS, SLOPES, to_si
+from roadlog.units import CLOCK_FORMS, is_written, to_si
 
 CLOCKS = ("log", "publish", "header")
 TIME_KEYS = ("column", "unit", "clock", "zone")
@@ -335,7 +335,7 @@ def _entry(role: str, value: Any, section: Any, where: str) -> Entry:
         raise ConfigError(f"{where}: from is missing")
     expected = next(s.unit for s in section.signals if s.role == role)
     unit = value.get("unit", "")
-    if unit and not (unit in SLOPES and is_slope(role)):
+    if unit and not is_written(role, unit):
         _factor(unit, expected, where)
     elif not unit and expected != "-":
         raise ConfigError(f"{where}: unit is missing (roadlog keeps it in {expected})")
@@ -349,11 +349,6 @@ def _entry(role: str, value: Any, section: Any, where: str) -> Entry:
         _delay(value["delay"], where) if "delay" in value else 0.0,
         _condition(value["valid"], where) if "valid" in value else None,
     )
-
-
-def is_slope(role: str) -> bool:
-    """Whether a signal is a slope or its sd, which may be in percent."""
-    return role.startswith(("truth.grade", "truth.bank"))
 
 
 def _delay(value: Any, where: str) -> float:

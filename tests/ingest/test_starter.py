@@ -99,6 +99,9 @@ def test_what_is_uncertain_is_said(tmp_path):
         ("lng", "gnss.longitude", "deg"),
         ("gps_altitude_m", "gnss.altitude", "m"),
         ("baro_alt_ft", "barometer.altitude", "ft"),
+        ("Velocidad angular X (rad/s)", "imu.gyro_x", "rad/s"),
+        ("Vitesse angulaire Z [deg/s]", "imu.gyro_z", "deg/s"),
+        ("Winkelgeschwindigkeit Y [°/s]", "imu.gyro_y", "deg/s"),
     ],
 )
 def test_names_that_vendors_use(tmp_path, name, role, unit):
@@ -231,6 +234,69 @@ def test_of_speeds_the_one_that_the_positions_bear_out(tmp_path):
         fmt="%.9f",
     )
     assert entries(starter([path]))["speed.v"] == ("v_act_kmh", "km/h")
+
+
+def receiver(path: Path, **columns: np.ndarray) -> str:
+    """A profile for a table of a car that goes north-east at 10 m/s and more, by columns."""
+    names = ["time", *columns]
+    table = np.column_stack([WAY["time"], *columns.values()])
+    np.savetxt(path, table, delimiter=",", header=",".join(names), comments="", fmt="%.9f")
+    return starter([path])
+
+
+def way() -> dict[str, np.ndarray]:
+    t = np.arange(0, 120, 0.2)
+    speed = 12 + 3 * np.sin(t / 9)
+    s = np.cumsum(speed) * 0.2
+    heading = 0.6 + 0.5 * np.sin(s / 300)
+    north, east = np.cumsum(np.sin(heading) * speed) * 0.2, np.cumsum(np.cos(heading) * speed) * 0.2
+    latitude = 47.2 + np.degrees(north / 6371009)
+    longitude = 11.4 + np.degrees(east / 6371009) / np.cos(np.radians(47.2))
+    return {"time": t, "v": speed, "lat": latitude, "lon": longitude, "heading": heading}
+
+
+WAY = way()
+
+
+def written(degrees: np.ndarray) -> np.ndarray:
+    return np.trunc(degrees) * 100 + degrees % 1 * 60
+
+
+@pytest.mark.parametrize(
+    ("turned", "said"),
+    [
+        (written, "degrees and minutes in one number"),
+        (lambda d: d * 60, "minutes of arc"),
+        (lambda d: np.round(d * 1e7), "1e-7 degrees"),
+        (np.radians, "in radians"),
+    ],
+)
+@pytest.mark.parametrize(("name", "factor"), [("speed_mps", 1.0), ("speed_kmh", 3.6)])
+def test_positions_in_any_form_are_positions(tmp_path, turned, said, name, factor):
+    path = tmp_path / "drive.csv"
+    speed = {name: WAY["v"] * factor}
+    text = receiver(path, lat=turned(WAY["lat"]), lon=turned(WAY["lon"]), **speed)
+    assert said in text
+    gnss = next(
+        t for t in ingest([path], Profile.from_toml(text, "p")).tables if t.topic == "/gnss"
+    )
+    np.testing.assert_allclose(gnss.columns["latitude"], WAY["lat"], atol=2e-7)
+    np.testing.assert_allclose(gnss.columns["longitude"], WAY["lon"], atol=2e-7)
+
+
+def test_what_a_receiver_counts_in_its_own_units(tmp_path):
+    path = tmp_path / "drive.csv"
+    clockwise = (90 - np.degrees(WAY["heading"])) % 360
+    height = np.full(len(WAY["time"]), 612.5)
+    positions = {"lat": np.round(WAY["lat"] * 1e7), "lon": np.round(WAY["lon"] * 1e7)}
+    text = receiver(
+        path, **positions, gSpeed=WAY["v"] * 1e3, headMot=np.round(clockwise * 1e5),
+        height=height * 1e3,
+    )  # fmt: skip
+    tables = {t.topic: t.columns for t in ingest([path], Profile.from_toml(text, "p")).tables}
+    np.testing.assert_allclose(tables["/speed"]["v"], WAY["v"], atol=1e-3)
+    np.testing.assert_allclose(tables["/gnss"]["altitude"], height)
+    np.testing.assert_allclose(tables["/gnss"]["course"], WAY["heading"], atol=1e-6)
 
 
 def test_the_first_tables_of_an_engineer_need_no_edit(shared):

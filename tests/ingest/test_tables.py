@@ -13,6 +13,7 @@ from roadlog.ingest import ingest
 from roadlog.ingest.formats.csv_layout import layout
 from roadlog.ingest.formats.row_clock import spread
 
+START = 1_700_000_000  # s, 2023-11-14 22:13:20
 ROWS = 240
 RATE = 20  # Hz
 TIMES = [k / RATE for k in range(ROWS)]
@@ -90,8 +91,57 @@ def test_a_table_is_read_whatever_stands_around_its_numbers(tmp_path, text, name
     assert result.losses == []
     (table,) = result.tables
     np.testing.assert_allclose(table.columns["v"] * 3.6, SPEEDS)
-    np.testing.assert_allclose(table.time * 1e-9, TIMES, atol=1e-9)
+    start = START if "Start time" in text else 0
+    np.testing.assert_allclose((table.time - start * 10**9) * 1e-9, TIMES, atol=1e-9)
     assert layout(path).units.get(name.replace("\\\\", "\\"), "") == unit
+
+
+HEADS = {
+    "motec": ('"Log Date","14/11/2023",,,"Session",""\n"Log Time","22:13:20"\n', 0),
+    "aim": ('"Date","Tuesday, November 14, 2023"\n"Time","10:13 PM"\n', -20),
+    "dewesoft": ("Start time:,14.11.2023 22:13:20.250\n", 0.25),
+    "canape": ("Date: 14.11.2023\nTime: 22:13:20\n", 0),
+    "diadem": ("Datum,14.11.2023\nUhrzeit,22:13:20\n", 0),
+    "labview": ("Date,2023/11/14\nTime,22:13:20.5000000\n", 0.5),
+    "french": ("Heure: 22:13:20\nDate: 14 novembre 2023\n", 0),
+    "iso with zone": ("Recording started: 2023-11-14T23:13:20+01:00\n", 0),
+    "date alone": ("Date,14.11.2023\n", None),
+    "of something else": ("Export date,14.11.2023 22:13:20\nLap Time,1:02:03\n", None),
+}
+
+
+@pytest.mark.parametrize("name", HEADS)
+def test_the_head_of_a_table_dates_its_rows(tmp_path, name):
+    head, late = HEADS[name]
+    path = tmp_path / "drive.csv"
+    path.write_text(head + "\nTime,Speed,Level\ns,km/h,-\n" + rows())
+    profile = tmp_path / "p.toml"
+    profile.write_text(SPEED.format("Speed"))
+    result = ingest([path], profile)
+    first = 0 if late is None else START + late
+    np.testing.assert_allclose((result.tables[0].time - first * 1e9) * 1e-9, TIMES, atol=1e-6)
+    zoned = "zone" in name
+    assert any("dated by its head" in n for n in result.notes) == (late is not None)
+    if late is not None and not zoned:
+        assert any("without a zone" in note for note in result.notes)
+        moved = ingest([path], profile, timezone="+02:00").tables[0].time
+        assert moved[0] == result.tables[0].time[0] - 7200 * 10**9
+
+
+@pytest.mark.parametrize("stamps", ["seconds", "text"])
+def test_the_head_dates_a_time_of_day(tmp_path, stamps):
+    second = 22 * 3600 + 13 * 60 + 20
+    form = "{s:.2f}" if stamps == "seconds" else "{h:02.0f}:{m:02.0f}:{s:05.2f}"
+    lines = [of_day(second + t, form) if stamps == "text" else f"{second + t:.2f}" for t in TIMES]
+    path = tmp_path / "drive.csv"
+    path.write_text(
+        "Date,14.11.2023\nTime,22:13:19\n\nTime,Speed,Level\ns,km/h,-\n"
+        + "".join(f"{stamp},{v},1\n" for stamp, v in zip(lines, SPEEDS, strict=True))
+    )
+    profile = tmp_path / "p.toml"
+    profile.write_text(SPEED.format("Speed"))
+    time = ingest([path], profile).tables[0].time
+    np.testing.assert_allclose((time - START * 10**9) * 1e-9, TIMES, atol=1e-6)
 
 
 def test_a_table_without_names_says_how_to_call_its_columns(tmp_path):

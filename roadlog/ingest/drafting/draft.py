@@ -34,8 +34,8 @@ class Guess:
         """The line of the profile, doubts before it."""
         parts = [f"from = {sources}"]
         parts += [f'unit = "{self.unit}"'] if self.unit not in ("", "-") else []
-        parts += [f"scale = {self.scale:.6g}"] if self.scale != 1 else []
-        parts += [f"offset = {self.offset:.6g}"] if self.offset else []
+        parts += [f"scale = {self.scale:.10g}"] if self.scale != 1 else []
+        parts += [f"offset = {self.offset:.10g}"] if self.offset else []
         parts += [f'delay = "{self.delay:.2f} s"'] if self.delay else []
         parts += [f"valid = {_text(self.valid)}"] if self.valid else []
         line = f"{self.role.partition('.')[2]} = {{ {', '.join(parts)} }}"

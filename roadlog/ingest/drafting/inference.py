@@ -10,20 +10,24 @@ from dataclasses import replace
 import numpy as np
 
 from roadlog.checks import motion, speeds
+from roadlog.checks.impossible import beyond
 from roadlog.drive import Drive
 from roadlog.errors import RoadlogError
 from roadlog.ingest import mapping
 from roadlog.ingest.drafting.draft import Draft, Guess
 from roadlog.ingest.drafting.lean import LEANS, mounting
+from roadlog.ingest.drafting.names import any_unit
 from roadlog.ingest.grid import one_grid
 from roadlog.ingest.profile import Profile
 from roadlog.motion import axes
 from roadlog.motion.evidence import Evidence, correlation
 from roadlog.signals import AXES, is_truth
+from roadlog.storage import Table
 from roadlog.units import STANDARD_GRAVITY, UNITS
 
 STEERING_RATIO = 15.0  # steering wheel / road wheel, of a usual car
 FOLLOWS = 0.5  # correlation from which an acceleration tells the unit of a speed
+MOST_TURNS = 100  # of a course that goes on over 360 deg
 NEAR_GRAVITY = 0.15  # share by which the mean specific force may miss 1 g (bias, grade)
 
 
@@ -38,6 +42,7 @@ def by_data(draft: Draft) -> None:
             draft.notes.append("No gravity in the accelerations, so their unit is not certain.")
     _course(draft)
     _steering(draft)
+    _sizes(draft)
     state = _state(draft)
     if state is None:
         draft.notes.append("The mounting is not observable in this drive: check it.")
@@ -64,6 +69,19 @@ def _feeds(draft: Draft) -> None:
     draft.tail += textwrap.wrap(what, 96, subsequent_indent="  ")
 
 
+def _sizes(draft: Draft) -> None:
+    """Units that nothing states, of signals that are far outside of what can be without them."""
+    for finding in beyond({table.topic: table for table in _tables(draft, quiet=True)})[0]:
+        guesses = [g for g in draft.guesses if g.role in finding.signals and not g.typed]
+        if finding.value is None or any(any_unit(g.frame, g.column) for g in guesses):
+            continue
+        unit = re.search(r'unit = "([^"]+)"', finding.advice)
+        change = {"unit": unit[1]} if unit else {"scale": finding.value}
+        cause = finding.advice.partition("?")
+        doubt = f"by its size: {cause[0]}" if cause[1] else finding.found
+        draft.put([g.role for g in guesses], doubt=doubt, stated=True, **change)
+
+
 def _state(draft: Draft) -> motion.Examination | None:
     drive = _drive(draft)
     return None if drive is None else motion.Examination(Evidence.of(drive))
@@ -71,14 +89,24 @@ def _state(draft: Draft) -> motion.Examination | None:
 
 def _drive(draft: Draft) -> Drive | None:
     """The drive through the draft as it is; None, and a line, where it cannot be looked at."""
+    tables = [table for table in _tables(draft) if not is_truth(table.topic)]
     try:
-        profile = Profile.from_toml(draft.toml(), "draft")
-        located, _ = mapping.locate(profile, draft.frames)
-        tables = mapping.tables(one_grid(mapping.signals(profile, located)[0])[0])
-        return Drive.from_tables([t for t in tables if not is_truth(t.topic)])
+        return Drive.from_tables(tables) if tables else None
     except RoadlogError as error:
         draft.head.append(f"The data could not be looked at: {error}")
         return None
+
+
+def _tables(draft: Draft, quiet: bool = False) -> list[Table]:
+    """What the draft as it is makes of the source; none, and a line, where it cannot."""
+    try:
+        profile = Profile.from_toml(draft.toml(), "draft")
+        located, _ = mapping.locate(profile, draft.frames)
+        return mapping.tables(one_grid(mapping.signals(profile, located)[0])[0])
+    except RoadlogError as error:
+        if not quiet:
+            draft.head.append(f"The data could not be looked at: {error}")
+        return []
 
 
 def _speeds(draft: Draft, state: motion.Examination) -> None:
@@ -163,8 +191,10 @@ def _course(draft: Draft) -> None:
         largest = float(np.nanmax(np.abs(guess.frame.columns[guess.column])))
         unit = "deg" if largest > 2 * np.pi else guess.unit
         offset = 90.0 if unit == "deg" else np.pi / 2
+        size = 1e-5 if largest > MOST_TURNS * 360 else 1.0  # as u-blox writes it
         doubt = "taken as clockwise from north; roadlog's is counterclockwise from east"
-        draft.put([guess.role], unit=unit, scale=-1.0, offset=offset, doubt=doubt)
+        doubt = f"by its size in 1e-5 degrees; {doubt}" if size < 1 else doubt
+        draft.put([guess.role], unit=unit, scale=-size, offset=offset, doubt=doubt)
 
 
 def _steering(draft: Draft) -> None:

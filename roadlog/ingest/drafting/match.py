@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from roadlog.geo import EARTH_RADIUS
+from roadlog.checks.speeds import SPEED_UNITS
+from roadlog.geo import EARTH_RADIUS, of_degrees_minutes
 from roadlog.ingest.drafting.draft import Draft, Guess
 from roadlog.ingest.drafting.inference import gravity_unit
 from roadlog.ingest.drafting.names import (
@@ -23,6 +24,7 @@ from roadlog.ingest.drafting.vocabulary import SATELLITE
 from roadlog.ingest.frame import Frame
 from roadlog.signals import AXES
 from roadlog.types import Floats
+from roadlog.units import DEGREES_MINUTES, UNITS
 
 POSITIONS = ("gnss.latitude", "gnss.longitude")
 SPEEDS = ("speed.v", "gnss.speed")
@@ -43,6 +45,7 @@ def match(draft: Draft, typed: Collection[int] = ()) -> None:
                     found.setdefault(role, []).append(guess)
     for kind in ("accel", "gyro"):
         _triad(draft, [found.pop(f"imu.{kind}_{axis}", []) for axis in AXES])
+    _degrees_minutes(found)
     track = _track(found)
     for guesses in found.values():
         best = max(guesses, key=lambda g: (_bears_out(g, track), g.stated, _rate(g.frame)))
@@ -82,9 +85,47 @@ def _position_scale(frame: Frame, column: str) -> tuple[float, tuple[str, ...]]:
     if largest > 1e6:
         return 1e-7, ("by its size in 1e-7 degrees",)
     if largest > 180:
-        text = "by its size in minutes of arc; if it is ddmm.mmmm, convert it first"
-        return 1 / 60, (f"{text}; a longitude may count positive to the west (scale = -1/60)",)
+        text = "by its size in minutes of arc; a longitude may count positive to the west"
+        return 1 / 60, (f"{text} (scale = -1/60)",)
     return 1.0, ()
+
+
+def _degrees_minutes(found: dict[str, list[Guess]]) -> None:
+    """Positions that may be `ddmm.mmmm` as well as minutes: what the speeds bear out, else that."""
+    both = [found[role][0] for role in POSITIONS if role in found]
+    values = [guess.frame.columns[guess.column] for guess in both]
+    if not both or any(g.scale != 1 / 60 or any_unit(g.frame, g.column) in MINUTES for g in both):
+        return
+    if any((np.abs(v[np.isfinite(v)]) % 100 >= 60).any() for v in values):
+        return  # no such minutes
+    speeds = [guess for role in SPEEDS for guess in found.get(role, ())]
+    as_minutes, as_both = (
+        min((_misfit(guess, _track(reading)) for guess in speeds), default=0.0)
+        for reading in (found, {**found, **_read(both)})
+    )
+    if as_both > as_minutes:
+        return
+    for guess in both:
+        doubt = "by its size degrees and minutes in one number (minutes of arc: scale = 1/60)"
+        found[guess.role][0] = replace(guess, unit=DEGREES_MINUTES, scale=1.0, doubts=(doubt,))
+
+
+def _read(both: Sequence[Guess]) -> dict[str, list[Guess]]:
+    """The positions in degrees, of `ddmm.mmmm`."""
+    frame = both[0].frame
+    columns = {g.column: of_degrees_minutes(g.frame.columns[g.column]) for g in both}
+    turned = replace(frame, columns={**frame.columns, **columns})
+    return {g.role: [replace(g, frame=turned, scale=1.0)] for g in both}
+
+
+def _misfit(guess: Guess, track: tuple[Floats, Floats] | None) -> float:
+    """How far a speed, in the unit that fits best, is from that of the positions, as a share."""
+    pair = _beside(guess, track)
+    if pair is None:
+        return 0.0
+    own, other = pair
+    factors = [UNITS[unit][1] for unit in ("m/s", *SPEED_UNITS)]
+    return min(float(np.median(np.abs(own * f - other))) for f in factors) / float(np.median(other))
 
 
 def _track(found: dict[str, list[Guess]]) -> tuple[Floats, Floats] | None:
@@ -106,16 +147,22 @@ def _track(found: dict[str, list[Guess]]) -> tuple[Floats, Floats] | None:
 
 def _bears_out(guess: Guess, track: tuple[Floats, Floats] | None) -> float:
     """How well a speed follows that of the positions, in tenths; 0 for other signals."""
-    if guess.role not in SPEEDS or track is None:
-        return 0.0
+    pair = _beside(guess, track) if guess.role in SPEEDS else None
+    return 0.0 if pair is None else round(float(np.corrcoef(*pair)[0, 1]), 1)
+
+
+def _beside(guess: Guess, track: tuple[Floats, Floats] | None) -> tuple[Floats, Floats] | None:
+    """A speed, and that by the positions at the same moments; None where one never changes."""
+    if track is None:
+        return None
     time, speed = track
     values = guess.frame.columns[guess.column]
     known = np.isfinite(values)
     at = np.interp(time, guess.frame.time[known] * 1e-9, values[known])
     usable = np.isfinite(speed)
     if usable.sum() < 10 or np.ptp(at[usable]) == 0 or np.ptp(speed[usable]) == 0:
-        return 0.0
-    return round(float(np.corrcoef(at[usable], speed[usable])[0, 1]), 1)
+        return None
+    return at[usable], speed[usable]
 
 
 def _triad(draft: Draft, found: Sequence[Sequence[Guess]]) -> None:

@@ -18,7 +18,8 @@ _ACCEL = (
 _RATE = r"(?:rate|vel|velocity|speed|spd|w|gesch\w*|winkelgesch\w*|drehrate)"
 _GYRO = (
     r"(?:w|g|gyr|gyro|gyroscope|omega|om|angrate|angularrate|angvel|angularvelocity|rotationrate"
-    r"|rotrate|rotation|gyrorotation|rateofrotation|drehrate|rate)"
+    r"|rotrate|rotation|gyrorotation|rateofrotation|drehrate|rate|winkelgesch\w*"
+    r"|(?:vitesse|velocidad|velocita|vel)ang\w*?)"
 )
 _LONG = r"(?:lon|lng|lgt|long|longi|longitudinale?|longit|laengs|langs|inline|fwd|forward|fore)"
 _LAT = r"(?:lat|lateral\w*?|quer|seiten|trans|transversal\w*?)"
@@ -64,7 +65,7 @@ NAMES: dict[str, tuple[str, ...]] = {
         rf"(?:ground|gnd|road|fzg|fahrzeug|fahrt|drive|corr|corrected|horizontal|xmission|tacho|fahr"
         rf"|indicated|longitudinal|forward|2d|wheelbasedvehicle|wheelbased|disp|avg){_SPEED}",
         r"vfzg(?:hl|hr|vl|vr|h|v)?",
-        r"vveh|vehv|vlong|vlon|vehvv|vactl\w*|velocidadvehiculo|vitessevehicule|speedovergrnd|sog",
+        r"vveh|vehv|vlong|vlon|vehvv|vactl\w*|velocidadvehiculo|vitessevehicule|speedovergrnd|sog|gspeed",
     ),
     "gnss.climb": (
         r"(?:vert|vertical|v|climb|up|steig|vertikal)(?:vel|velocity|speed|spd|geschw\w*)",
@@ -79,7 +80,7 @@ NAMES: dict[str, tuple[str, ...]] = {
         r"|msl|mslaltitude|altitudemsl|ellipsoidheight",
     ),
     "gnss.course": (
-        r"course|bearing|cog|track|trackangle|kurs|cap|rumbo|heading|courseoverground",
+        r"course|bearing|cog|track|trackangle|kurs|cap|rumbo|heading|courseoverground|headmot",
     ),
     "steering.road_wheel_angle": (
         r"(?:steer|steering|steered|stwhl|strwhl|strgwhl|strg|lenkrad|lenk|lrw|swa|sas|volante?)"
@@ -136,5 +137,5 @@ TRUE = re.compile(r"true|truth|ref|reference|gt|rtk|survey|soll|referenz|verite|
 OTHER = (
     r"valid|accuracy|genauigkeit|precision|status|quality|limit|target|setpoint|engine|turbine|wiper"
     r"|cruise|request|predicted|sigma|(?<![a-z])(?:std|cov|count|fan|wind|rpm|north|east|down|err"
-    r"|error|diff|ratio|lap|max|min|tire|tyre|motor|mot|eng)(?![a-z])"
+    r"|error|diff|ratio|lap|max|min|tire|tyre|motor|(?<!head_)mot|eng)(?![a-z])"
 )

@@ -15,6 +15,7 @@ from roadlog.errors import ConfigError, LogReadError
 from roadlog.ingest.formats import times
 from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.csv_layout import NOTHING, TextLayout, fields_of, is_number, layout
+from roadlog.ingest.formats.csv_preamble import Begun, begun
 from roadlog.ingest.formats.row_clock import RowClock
 from roadlog.ingest.formats.text import decoded
 from roadlog.ingest.frame import Frame, Recording, absent
@@ -85,9 +86,10 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     clock = times.time_column(found.names, profile.clock.column, str(path))
     wanted = [n for n in found.names if n != clock and profile.reads(n)]
     unit = times.unit_stated(profile.clock.unit, found.units.get(clock, ""), times.bracketed(clock))
-    day = _date_beside(path, found, clock, profile.clock.zone)
-    european = found.delimiter == ";"
-    return rows(path, found, clock, wanted, RowClock(unit, profile.clock.zone, day, european))
+    zone, european = profile.clock.zone, found.delimiter == ";"
+    day = _date_beside(path, found, clock, zone)
+    head = Begun() if day else begun(found.above, found.delimiter).in_zone(zone, path.name)
+    return rows(path, found, clock, wanted, RowClock(unit, zone, day, european, head))
 
 
 def _date_beside(path: Path, found: TextLayout, clock: str, zone: str) -> int:

@@ -49,7 +49,7 @@ class TextLayout:
 
     encoding: of the text. delimiter: between fields, a blank for runs of blanks. names, units: of
     the columns, units where a row under the names has them. start: bytes before the first row of
-    numbers. headless: its first line holds numbers, the names are ours.
+    numbers. headless: its first line holds numbers, the names are ours. above: the lines before.
     """
 
     encoding: str
@@ -58,6 +58,7 @@ class TextLayout:
     units: dict[str, str]
     start: int
     headless: bool = False
+    above: tuple[str, ...] = ()
 
 
 def layout(path: Path) -> TextLayout:
@@ -83,8 +84,9 @@ def layout(path: Path) -> TextLayout:
         lines.pop()  # cut by the end of the head
     delimiter, first, width = _rows(lines)
     starts = np.cumsum([0, *(size for _, size in lines)])
-    names, units, headless = _header([line for line, _ in lines[:first]], delimiter, width)
-    return TextLayout(encoding, delimiter, names, units, int(starts[first]), headless)
+    above = tuple(line for line, _ in lines[:first])
+    names, units, headless = _header(above, delimiter, width)
+    return TextLayout(encoding, delimiter, names, units, int(starts[first]), headless, above)
 
 
 def _rows(lines: Sequence[tuple[str, int]]) -> tuple[str, int, int]:

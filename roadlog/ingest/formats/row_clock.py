@@ -7,10 +7,12 @@ from numpy.typing import NDArray
 
 from roadlog.ingest.formats import times
 from roadlog.ingest.formats.clock_steps import continued
+from roadlog.ingest.formats.csv_preamble import Begun
 from roadlog.spool import Spool, blocks, release
 from roadlog.types import Bools, Stamps
 
 HALF_DAY = times.DAY // 2
+NEAR_START = 60 * 10**9  # ns; seconds of the day begin as close to the moment of the start
 REPEATED = 0.5  # share of stamps that repeat the one before from which they are coarse
 GAP = 1.5  # median steps; after more than that the rows were not spread over the step
 
@@ -20,13 +22,20 @@ class RowClock:
 
     unit: of numbers; where nothing states it, by their size. zone: of dates without one. day: ns
     of the midnight from which a clock without a date counts. day_first: whether 01/03 is likely
-    to be the first of March, until a date tells.
+    to be the first of March, until a date tells. head: the start that the file states above its
+    rows, for a clock without a date.
     """
 
     def __init__(
-        self, unit: str = "", zone: str = "", day: int = 0, day_first: bool = False
+        self,
+        unit: str = "",
+        zone: str = "",
+        day: int = 0,
+        day_first: bool = False,
+        head: Begun | None = None,
     ) -> None:
-        self.day = day
+        self.head = head or Begun()
+        self.day = day or self.head.midnight
         self.day_first = day_first
         self.guessed = ""  # a date that may be read in two ways
         self.unit = unit
@@ -74,10 +83,33 @@ class RowClock:
         time, counted, lost = continued(self._stamps.column(), tick)
         time, said = spread(time, name)
         notes += [f"{name}: {text}" for text in counted] + said
+        start = self._start(time)
+        if start:
+            notes.append(self.head.said)
+            time = _moved(time, start) if self._last is None else time
         return time, notes, [f"{name}: {text}" for text in lost]
+
+    def _start(self, time: Stamps) -> int:
+        """ns that the head of the file adds, or has added to a time of day; 0 for nothing."""
+        if self._last is not None:
+            return self.head.midnight
+        head, first = self.head, int(time[0]) if len(time) else -1
+        if not head.moment or not 0 <= first < times.DAY:
+            return 0
+        of_day = head.moment - head.midnight
+        return head.midnight if abs(first - of_day) < NEAR_START else head.moment
 
     def __len__(self) -> int:
         return len(self._stamps)
+
+
+def _moved(time: Stamps, start: int) -> Stamps:
+    """Stamps from another zero, block by block."""
+    late = Spool(np.int64)
+    for rows in blocks(len(time)):
+        late.append(time[rows] + start)
+    release([time])
+    return late.column()
 
 
 def spread(time: Stamps, name: str) -> tuple[Stamps, list[str]]:
