@@ -27,13 +27,23 @@ TITLES = (
 PROFILE = '[speed]\nv = { from = "v", unit = "km/h" }\n'
 
 
-def write_vbo(path: Path, unit: str = "kmh", start: float = 36_595.0, fix: int = 0) -> Path:
-    """Satellites with flags, hhmmss, minutes of arc with west positive."""
-    lines = [f"File created on 01/03/2026 at 10:09:55\n\n[header]\n{TITLES.format(unit)}\n"]
+def write_vbo(
+    path: Path,
+    unit: str = "kmh",
+    start: float = 36_595.0,
+    fix: int = 0,
+    more: dict[str, float] | None = None,
+) -> Path:
+    """Satellites with flags, hhmmss, minutes of arc with west positive; more: channels in deg."""
+    more = more or {}
+    titles = "\n".join([TITLES.format(unit), *more])
+    lines = [f"File created on 01/03/2026 at 10:09:55\n\n[header]\n{titles}\n"]
+    units = "".join("Degrees\n" for _ in more)
     lines += [
-        "\n[channel units]\n\n[comments]\n(c) a made-up box\n",
-        f"\n[column names]\n{NAMES}\n",
+        f"\n[channel units]\n{units}\n[comments]\n(c) a made-up box\n",
+        f"\n[column names]\n{' '.join([NAMES, *more])}\n",
     ]
+    rest = "".join(f" {value:+.3f}" for value in more.values())
     lines += ["\n[data]\n"]
     scale = 1.852 if unit == "knots" else 1.0
     for k, t in enumerate(T):
@@ -42,7 +52,7 @@ def write_vbo(path: Path, unit: str = "kmh", start: float = 36_595.0, fix: int =
         sats = 128 + 9 if k >= fix else 0
         lines.append(
             f"{sats:03d} {clock} {NORTH[k] * 60:+012.6f} {WEST * 60:+013.6f} {V[k] / scale:07.3f} "
-            f"{90 + k / 10:06.2f} {150 + k / 100:+09.2f} {0.5:+07.2f}\n"
+            f"{90 + k / 10:06.2f} {150 + k / 100:+09.2f} {0.5:+07.2f}{rest}\n"
         )
     path.write_text("".join(lines).replace("\n", "\r\n"))
     return path
@@ -64,6 +74,28 @@ def test_a_vbo_file_is_read_by_itself(tmp_path, unit, start):
     assert not result.losses
     np.testing.assert_allclose(gnss.columns["climb"], 0.5)
     np.testing.assert_allclose(tables["/gnss"].columns["speed"] * 3.6, V, atol=2e-3)
+
+
+BOX = {"True_Head": 91.0, "Slip_Angle": 1.0, "Roll_Angle": -1.5, "Pitch_imu": 2.0, "Roll_imu": 1.2}
+
+
+@pytest.mark.parametrize("drafted", [False, True])
+def test_the_attitude_in_a_vbo_is_heading_roll_and_truth(tmp_path, drafted):
+    path = write_vbo(tmp_path / "drive.vbo", more=BOX)
+    result = ingest([path], Profile.from_toml(starter([path]), "new") if drafted else None)
+    tables = {t.topic: t.columns for t in result.tables}
+    for topic, field, degrees in (
+        ("/gnss", "heading", -1.0),
+        ("/gnss", "roll", -1.5),
+        ("/truth/angles", "inclination", 2.0),
+        ("/truth/angles", "roll_total", 1.2),
+    ):
+        np.testing.assert_allclose(np.degrees(tables[topic][field]), degrees, err_msg=field)
+
+
+def test_a_slip_angle_without_a_heading_is_said(tmp_path):
+    path = write_vbo(tmp_path / "drive.vbo", more={"Slip_Angle": 1.0})
+    assert any("slip angle is not used" in note for note in ingest([path]).notes)
 
 
 def test_without_satellites_there_is_no_position(tmp_path):

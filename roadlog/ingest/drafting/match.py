@@ -33,12 +33,15 @@ SPEEDS = ("speed.v", "gnss.speed")
 def match(draft: Draft, typed: Collection[int] = ()) -> None:
     """Fill the draft with guesses; none of frames (by their id) whose type says what they are."""
     known = {guess.role for guess in draft.guesses if not guess.off}
+    used = {(id(guess.frame), guess.column) for guess in draft.guesses}
     found: dict[str, list[Guess]] = {}
     for frame in draft.frames:
         if id(frame) in typed:
             continue
         for column, values in frame.columns.items():
             if values.dtype.kind not in "bifu" or not np.isfinite(values).any():
+                continue
+            if (id(frame), column) in used:
                 continue
             for role in [role for role in roles_of(frame, column) if role not in known]:
                 if guess := _guess(frame, column, role):

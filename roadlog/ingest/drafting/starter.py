@@ -63,6 +63,8 @@ def starter(sources: Sequence[Path | str], dbc: Sequence[Path] = ()) -> str:
     known = {n for f in draft.frames for c in f.columns for n in (c, *f.full(c))}
     if fits := fitting(known):
         draft.head.append(f"The shipped profile {fits.name} has these names too: see `profiles`.")
+        if fits.name not in DEVICES:
+            draft.guesses += [g for g in _as_shipped(fits, draft.frames) if _is_outside(g)]
     match(draft, by_type(draft))
     if draft.guesses:
         by_data(draft)
@@ -79,15 +81,24 @@ def _with(source: Source, clock: Clock) -> Source:
 def _of_device(profile: Profile, recordings: Sequence[Recording]) -> Draft:
     """The entries of a device's profile that are there, its mounting by the drive."""
     frames = joined(frame for recording in recordings for frame in recording.frames)
-    located, _ = mapping.locate(profile, frames)
     draft = Draft({}, frames)
     draft.head = [f"The profile {profile.name}, with the mounting that this drive shows."]
-    draft.guesses = [
-        Guess(e.role, frame, column, e.unit, True, e.scale, e.offset, e.delay, typed=True)
-        for e, frame, column in located
-    ]
+    draft.guesses = _as_shipped(profile, frames)
     by_data(draft)
     return draft
+
+
+def _as_shipped(profile: Profile, frames: Sequence[Frame]) -> list[Guess]:
+    """The entries of a shipped profile that are there."""
+    return [
+        Guess(e.role, frame, column, e.unit, True, e.scale, e.offset, e.delay, typed=True)
+        for e, frame, column in mapping.locate(profile, frames)[0]
+    ]
+
+
+def _is_outside(guess: Guess) -> bool:
+    """Whether it does not depend on how the sensor is mounted, which the drive shows."""
+    return not guess.role.startswith("imu.")
 
 
 def _timeless(source: Source) -> list[Frame]:

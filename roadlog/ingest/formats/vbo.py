@@ -32,6 +32,7 @@ SPEEDS = ("velocity", "vert-vel", "vertvel")
 FIXED = ("latitude", "longitude", "velocity", "heading", "height", "vert-vel", "vertvel")
 _SECTION = re.compile(rb"^\[([A-Za-z ]+)\]\s*$", re.MULTILINE)
 _CREATED = re.compile(r"created on (\d{1,2})[/.-](\d{1,2})[/.-](\d{4})")
+_SLIP, _HEADING = re.compile("slip", re.I), re.compile("true_?head|robothead|head_imu", re.I)
 _SPELLED = {"kmh": "km/h", "knots": "kn", "m/s": "m/s", "mph": "mph", "g": "g", "kph": "km/h"}
 
 
@@ -121,6 +122,8 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     frame = dataclasses.replace(frame, columns=columns, units=units)
     dated = "the date is that of its creation" if day else "it has no date, the stamps count from 0"
     notes = (*recording.notes, f"{path.name}: {dated}, the time is UTC")
+    if any(_SLIP.match(n) for n in columns) and not any(_HEADING.match(n) for n in columns):
+        notes += (f"{path.name}: its slip angle is not used: which side is positive nobody states",)
     return Recording((frame,), recording.losses, notes)
 
 
