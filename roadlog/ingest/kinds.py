@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cache
@@ -39,6 +39,17 @@ NED_FRAME = re.compile(r"(?:^|[^a-z])(?:ned|frd)(?:$|[^a-z])", re.I)
 COMMANDED = re.compile(
     r"(?:^|[/_])(?:cmd|commands?|commanded|setpoints?|target|desired|goal)(?:[/_]|$)", re.I
 )
+
+# what messages without a schema are (JSON of a web bridge, CBOR): the type whose fields they have
+SHAPES = {
+    "sensor_msgs/Imu": ("linear_acceleration.x", "linear_acceleration.z", "angular_velocity.z"),
+    "sensor_msgs/NavSatFix": ("latitude", "longitude", "altitude", "position_covariance.0"),
+    "nav_msgs/Odometry": ("pose.pose.position.x", "twist.twist.linear.x"),
+    "geometry_msgs/TwistWithCovarianceStamped": ("twist.twist.linear.x", "twist.covariance.0"),
+    "geometry_msgs/TwistStamped": ("twist.linear.x", "twist.angular.z"),
+    "geometry_msgs/AccelStamped": ("accel.linear.x", "accel.angular.z"),
+    "geometry_msgs/Vector3Stamped": ("header.stamp.sec", "vector.x", "vector.z"),
+}
 
 _UNIT = re.compile(r"^(.*?)\s*\[([^\[\]]+)\]$")
 _NAMED = re.compile(r"\[name~(fl|fr|rl|rr)\]")
@@ -119,6 +130,12 @@ def _line(value: Any) -> RoleFields:
         value = {"from": match[1], "unit": match[2]}
     rest = {key: value[key] for key in ("unit", "scale", "offset", "valid") if key in value}
     return RoleFields(tuple(name.strip() for name in value["from"].split(" | ")), **rest)
+
+
+def by_fields(fields: Collection[str]) -> str:
+    """The type of messages that do not name one, empty where no shape fits."""
+    shapes = SHAPES.items()
+    return next((type_ for type_, own in shapes if all(name in fields for name in own)), "")
 
 
 def wants(type_: str, column: str) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from support.drives import table as table_of
@@ -154,6 +156,35 @@ def test_an_angular_rate_is_never_a_speed(tmp_path):
     text = starter([tmp_path / "x.mcap"])
     assert 'v = { from = "/body.velocity.x"' in text
     assert 'gyro_x = { from = "/body.angular_velocity.x"' in text
+
+
+def test_messages_that_name_no_type_are_what_they_look_like(tmp_path):
+    """JSON without a schema, as bridges to the web write it."""
+    from mcap.writer import Writer
+
+    covariance = {"position_covariance": [4.0, 0, 0, 0, 4.0, 0, 0, 0, 9.0]}
+    turned = {"angular": xyz(0.0, 0.0, 0.0)}
+    more = {
+        "imu": {},
+        "fix": covariance,
+        "odometry": {"pose": {"pose": {"position": xyz(0, 0, 0)}}},
+    }
+    with (tmp_path / "x.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        for name in more:
+            topic, _, of, _ = KINDS[name]
+            channel = writer.register_channel(topic, "json", 0)
+            for k, ns in enumerate(TIME.tolist()):
+                values = {**of(k), **more[name]}
+                if name == "odometry":
+                    values["twist"] = {"twist": {**values["twist"]["twist"], **turned}}
+                writer.add_message(channel, ns, json.dumps(values, default=list).encode(), ns)
+        writer.finish()
+    tables = {t.topic: t.columns for t in ingest([tmp_path / "x.mcap"]).tables}
+    for role, expected in {**IMU, **FIX, "speed.v": V}.items():
+        section, _, field = role.partition(".")
+        np.testing.assert_allclose(tables[f"/{section}"][field], expected, atol=1e-9)
 
 
 def test_two_speeds_are_offered_with_topic_and_type(tmp_path):

@@ -11,7 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.drives import SHARED
+from typer.testing import CliRunner
 
+from roadlog.cli import app
 from roadlog.ingest import IngestResult, ingest
 from roadlog.ingest.drafting.starter import starter
 from roadlog.log import DriveLog
@@ -98,3 +100,28 @@ def test_header_clock_partly(case):
     for one, other in zip(made[0].tables, made[1].tables, strict=True):
         np.testing.assert_array_equal(one.time, other.time)
     assert all(any("two clocks are mixed" in loss for loss in one.losses) for one in made)
+
+
+def test_inplace_breaks_bag(case):
+    """The bag stays as it was; results go beside it, and as ROS 2 messages into it."""
+    from rosbags.highlevel import AnyReader
+
+    def run(*words: object) -> None:
+        done = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+        assert done.exit_code == 0, done.output
+
+    def read_whole() -> tuple[int, list[np.ndarray]]:
+        with AnyReader([case / "bag"]) as reader:
+            count = sum(1 for c, _, raw in reader.messages() if reader.deserialize(raw, c.msgtype))
+        return count, [t.time for t in ingest([case / "bag"]).tables]
+
+    before, part = read_whole(), case / "bag" / "bag_0.mcap"
+    content = part.read_bytes()
+    run("estimate", part, "-e", "kmbe")
+    assert part.read_bytes() == content
+    assert read_whole()[0] == before[0]
+    run("estimate", part, "-e", "kmbe", "--as", "ros2", "--in-place-anyway")
+    after = read_whole()
+    assert after[0] > before[0]
+    for one, other in zip(before[1], after[1], strict=True):
+        np.testing.assert_array_equal(one, other)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from roadlog import stamps
 from roadlog.errors import LogReadError
+from roadlog.ingest import kinds
 from roadlog.ingest.formats import can, can_messages, message_clocks
 from roadlog.ingest.formats.derived import named
 from roadlog.ingest.formats.message_clocks import Stamped
@@ -82,6 +83,7 @@ def topics(readers: Sequence[MessageReader]) -> dict[str, Topic]:
             columns = first[name].columns.items()
             topic.unread |= dict.fromkeys([first[name].unread] if first[name].unread else [])
             topic.fields |= dict.fromkeys(f for f, c in columns if c.dtype.kind in "bifu")
+            topic.kind = topic.kind or kinds.by_fields(topic.fields)
     return result
 
 
