@@ -14,6 +14,8 @@ from support.drives import ROOT
 from roadlog import estimators
 from roadlog.estimators.base import Estimator
 from roadlog.estimators.fusion.states import State
+from roadlog.reproduce import PAPERS
+from roadlog.reproduce.drawings import drawings
 
 METHODS = ROOT / "docs" / "methods"
 HEADING = re.compile(r"^#+ Parameters of (.*)$", re.MULTILINE)
@@ -89,3 +91,13 @@ def test_the_states_of_fusion_are_those_of_the_code() -> None:
         for name, number in zip(re.findall(r"`(\w+)`", names), numbers.split(","), strict=True)
     ]
     assert shown == [(state.name, state.value) for state in State]
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_every_figure_is_shown_with_what_differs_from_the_papers(paper: str) -> None:
+    text = (METHODS / f"{paper}.md").read_text(encoding="utf-8")
+    for drawing in drawings(paper):
+        picture = f"pictures/papers/{drawing.name}.png"
+        assert (ROOT / "docs" / picture).is_file()
+        said = f"**{drawing.of[0].upper()}{drawing.of[1:]}.** {drawing.caption}\n\n"
+        assert f"{said}![{drawing.name}](../{picture})\n" in text
