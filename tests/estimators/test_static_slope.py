@@ -119,7 +119,7 @@ def test_accelerometer_bias_cancels_in_the_pitch(
 
 def test_bias_would_not_cancel_with_standard_gravity() -> None:
     """With 9.80665 in place of the length of the mean specific force."""
-    from roadlog.estimators.kim2023.strapdown import attitude, dead_reckon
+    from roadlog.estimators.kim2023.strapdown import StrapdownStart, attitude, dead_reckon
 
     v, a = motions()
     drive = Drive.from_tables(tables(v, a, 0.0, np.radians(0.5), (1.0, 1.0, 1.0)))
@@ -128,10 +128,9 @@ def test_bias_would_not_cancel_with_standard_gravity() -> None:
     x, y, z = force[:start].mean(axis=0)
     incl, roll = np.arctan2(x, np.hypot(y, z)), np.arctan2(y, z)
     for gravity, low, high in ((G, 5, 90), (np.sqrt(x * x + y * y + z * z), 0, 0.01)):
-        path = dead_reckon(
-            force[start:], np.zeros((len(force) - start, 3)), 1 / RATE, attitude(incl, roll),
-            gravity, 2.0,
-        )  # fmt: skip
+        standing = StrapdownStart(attitude(incl, roll), gravity)
+        still = np.zeros((len(force) - start, 3))
+        path = dead_reckon(force[start:], still, 1 / RATE, standing, 2.0)
         assert low <= abs(np.degrees(incl - path.slope) - 0.5) < high
 
 

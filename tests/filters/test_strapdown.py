@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from roadlog.estimators.kim2023.strapdown import attitude, dead_reckon, nose_up, to_navigation, turn
+from roadlog.estimators.kim2023.strapdown import (
+    StrapdownStart,
+    attitude,
+    dead_reckon,
+    nose_up,
+    to_navigation,
+    turn,
+)
 from roadlog.units import STANDARD_GRAVITY as G
 
 
@@ -54,10 +61,17 @@ def test_forward_and_reverse_find_the_same_slope(engine: str, trapezoid: bool) -
     rate = np.zeros((n, 3))
     q = attitude(incl, 0.0)
     paths = [
-        dead_reckon(sign * (forward - standing) + standing, rate, h, q, G, 2.0,
-                    trapezoid=trapezoid, engine=engine)
+        dead_reckon(
+            sign * (forward - standing) + standing,
+            rate,
+            h,
+            StrapdownStart(q, G),
+            2.0,
+            trapezoid=trapezoid,
+            engine=engine,
+        )
         for sign, h in ((1.0, 0.01), (-1.0, -0.01))
-    ]  # fmt: skip
+    ]
     for path in paths:
         assert np.degrees(path.slope - grade) == pytest.approx(0.0, abs=1e-6)
         assert path.s[-1] >= 2.0
@@ -71,11 +85,10 @@ def test_engines_agree() -> None:
     rng = np.random.default_rng(5)
     force = rng.normal([1.0, 0.0, G], 0.3, (200, 3))
     rate = rng.normal(0, 0.1, (200, 3))
-    start = attitude(0.03, 0.01)
-    lever = np.array([1.9, 0.2, -0.3])
-    v = np.array([0.01, 0.0, 0.02])
+    lever, v = np.array([1.9, 0.2, -0.3]), np.array([0.01, 0.0, 0.02])
+    start = StrapdownStart(attitude(0.03, 0.01), G, v, lever)
     both = [
-        dead_reckon(force, rate, -0.01, start, G, 1e9, v, lever, engine=engine)
+        dead_reckon(force, rate, -0.01, start, 1e9, engine=engine)
         for engine in ("compiled", "reference")
     ]
     for name in ("s", "x", "y", "z", "inclination"):
@@ -92,7 +105,8 @@ def test_a_body_that_rocks_about_the_followed_point_leaves_no_path() -> None:
     )
     rate = np.stack([0 * t, -velocity, 0 * t], 1)
     start = np.array([-np.sin(theta[0]), 0.0, np.cos(theta[0])]) * 1.9 * velocity[0]
-    path = dead_reckon(force, rate, 0.01, attitude(theta[0], 0.0), G, 2.0, start, lever)
-    held = dead_reckon(force, rate, 0.01, attitude(theta[0], 0.0), G, 2.0)
+    q = attitude(theta[0], 0.0)
+    path = dead_reckon(force, rate, 0.01, StrapdownStart(q, G, start, lever), 2.0)
+    held = dead_reckon(force, rate, 0.01, StrapdownStart(q, G), 2.0)
     assert np.abs(path.z).max() < 1e-3
     assert np.abs(held.z).max() > 1e-2

@@ -54,8 +54,8 @@ def static_slope(
         gravity_bias(vectors(drive, "accel"), stops) if params.accel_bias == "gravity" else None
     )
     bias = biased.value if biased else 0.0
-    windows = Windows(drive, static, mount.lever, bias, mount.full, params)
-    events = [event for stop in stops for event in windows.events(stop, engine)]
+    windows = Windows(drive, static, mount.lever, bias, mount.full, params, engine)
+    events = [event for stop in stops for event in windows.events(stop)]
     mean, mean_sd = running_mean(events, params)
     mean_sd = np.hypot(mean_sd, PITCH_PER_LEVER * mount.sd)
     angles, sd = _held(drive, events, mean, mean_sd)

@@ -11,7 +11,13 @@ import numpy as np
 
 from roadlog.drive import Drive
 from roadlog.estimators.kim2023.stops import NOISE_MARGIN, StaticSlopeParameters, Stop, vectors
-from roadlog.estimators.kim2023.strapdown import StrapdownPath, attitude, dead_reckon, to_navigation
+from roadlog.estimators.kim2023.strapdown import (
+    StrapdownPath,
+    StrapdownStart,
+    attitude,
+    dead_reckon,
+    to_navigation,
+)
 from roadlog.filters import Engine
 from roadlog.signals import ACCELERATION, DECELERATION, FLAGS
 from roadlog.types import Bools, Floats
@@ -108,6 +114,7 @@ class Windows:
         bias: float,
         full: bool,
         params: StaticSlopeParameters,
+        engine: Engine,
     ) -> None:
         self.rate_hz = drive.rate
         self.dt = drive.dt
@@ -120,15 +127,16 @@ class Windows:
         self.lever = lever
         self.full = full
         self.params = params
+        self.engine: Engine = engine
 
-    def events(self, stop: Stop, engine: Engine) -> list[Event]:
+    def events(self, stop: Stop) -> list[Event]:
         """The windows of one stop in time order: none where the drive's start or a gap is."""
         into = stop.starts and self.params.direction != "forward"
         out = stop.ends and self.params.direction != "reverse"
         kinds = [DECELERATION] * into + [ACCELERATION] * out
-        return [self._event(stop, kind, engine) for kind in kinds]
+        return [self._event(stop, kind) for kind in kinds]
 
-    def _event(self, stop: Stop, kind: int, engine: Engine) -> Event:
+    def _event(self, stop: Stop, kind: int) -> Event:
         params = self.params
         back = kind == DECELERATION
         sample = stop.first if back else stop.still.stop - 1
@@ -156,13 +164,10 @@ class Windows:
             self.force[picked][order],
             rate,
             step,
-            attitude(start, statics.roll_total),
-            statics.gravity,
+            StrapdownStart(attitude(start, statics.roll_total), statics.gravity, velocity, lever),
             params.distance,
-            velocity,
-            lever,
             params.integration == "trapezoid",
-            engine,
+            self.engine,
         )
         flags = reason if path.s[-1] < params.distance else self._judged(path)
         if abs(statics.gravity - G) > params.gravity_tolerance:

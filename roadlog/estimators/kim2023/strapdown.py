@@ -8,6 +8,7 @@ start, y left, z up).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -57,40 +58,38 @@ class StrapdownPath:
         return float((np.maximum.accumulate(progress) - progress).max())
 
 
+class StrapdownStart(NamedTuple):
+    """The first sample of an integration, at a standstill.
+
+    attitude (4,): quaternion. gravity: m/s2, length of the mean specific force there, so that a
+    constant accelerometer bias cancels. velocity (3,): of the sensor, m/s. lever (3,): from the
+    point that is followed to the sensor, m.
+    """
+
+    attitude: Floats
+    gravity: float
+    velocity: Floats = np.zeros(3)
+    lever: Floats = np.zeros(3)
+
+
 def dead_reckon(
     force: Floats,
     rate: Floats,
     step: float,
-    attitude: Floats,
-    gravity: float,
+    start: StrapdownStart,
     distance: float,
-    velocity: Floats | None = None,
-    lever: Floats | None = None,
     trapezoid: bool = True,
     engine: Engine = "compiled",
 ) -> StrapdownPath:
     """Integrate from a standstill until the horizontal path is `distance` or the samples end.
 
     force (n, 3), m/s2, and rate (n, 3), rad/s, bias removed: vehicle axes, in the order of
-    integration, the first one at the standstill. step: s, negative when time runs back. attitude
-    (4,): at the first sample. gravity: m/s2, length of the mean specific force at the
-    standstill, so that a constant accelerometer bias cancels. velocity (3,): of the
-    sensor at the first sample, m/s, default 0. lever (3,): from the point that is followed to
-    the sensor, m, default 0. trapezoid: means of neighboring samples; else the paper's rectangle.
+    integration, the first one at the standstill. step: s, negative when time runs back. distance:
+    m. trapezoid: means of neighboring samples; else the paper's rectangle.
     """
-    zero = np.zeros(3)
     loop = _dead_reckon if engine == "compiled" else _dead_reckon.py_func
-    rows, end = loop(
-        np.ascontiguousarray(force),
-        np.ascontiguousarray(rate),
-        step,
-        attitude,
-        gravity,
-        distance,
-        zero if velocity is None else velocity,
-        zero if lever is None else lever,
-        trapezoid,
-    )
+    samples = np.ascontiguousarray(force), np.ascontiguousarray(rate)
+    rows, end = loop(*samples, step, start, distance, trapezoid)
     return StrapdownPath(*rows[:end].T)
 
 
@@ -144,17 +143,15 @@ def _dead_reckon(
     force: Floats,
     rate: Floats,
     step: float,
-    attitude: Floats,
-    gravity: float,
+    start: StrapdownStart,
     distance: float,
-    velocity: Floats,
-    lever: Floats,
     trapezoid: bool,
 ) -> tuple[Floats, int]:
     """Columns s, x, y, z, inclination, one row a sample; and the number of rows."""
     n = len(force)
     rows = np.zeros((n, 5))
-    q, v, p = attitude.copy(), velocity.copy(), np.zeros(3)
+    gravity, lever = start.gravity, start.lever
+    q, v, p = start.attitude.copy(), start.velocity.copy(), np.zeros(3)
     a, mean, next_a, w = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     a[0], a[1], a[2] = to_navigation(q, force[0, 0], force[0, 1], force[0, 2])
     a[2] -= gravity

@@ -7,6 +7,7 @@ stands in where the log has no second antenna. Source: docs/methods/ryu2004.md#t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -124,10 +125,10 @@ def gnss_ins(drive: Drive, vehicle: Vehicle, smooth: bool, engine: Engine) -> To
         drive, tilt_rate, _at_epochs(drive, "roll"), GNSS_ROLL, smooth, engine
     )
     roll_rate = p - roll_bias
-    velocity, velocity_sd = _velocity_filter(
-        drive, vehicle, np.stack([roll_rate, q, yaw_rate]), pitch_total, angle, heading,
-        heading_sd, smooth, engine,
-    )  # fmt: skip
+    attitude = _Attitude(
+        np.stack([roll_rate, q, yaw_rate]), pitch_total, angle, heading, heading_sd
+    )
+    velocity, velocity_sd = _velocity_filter(drive, vehicle, attitude, smooth, engine)
     moving = velocity[0] >= MIN_CLIMB_SPEED
     forward = np.where(moving, velocity[0], np.nan)
     return TotalRoll(
@@ -251,23 +252,26 @@ def _angle_filter(
     return angle, bias, sd
 
 
+class _Attitude(NamedTuple):
+    """rates (3, n): of the body, bias taken off, rad/s. pitch_total, roll_total, heading,
+    heading_sd (n,): rad."""
+
+    rates: Floats
+    pitch_total: Floats
+    roll_total: Floats
+    heading: Floats
+    heading_sd: Floats
+
+
 def _velocity_filter(
-    drive: Drive,
-    vehicle: Vehicle,
-    rates: Floats,
-    pitch_total: Floats,
-    angle: Floats,
-    heading: Floats,
-    heading_sd: Floats,
-    smooth: bool,
-    engine: Engine,
+    drive: Drive, vehicle: Vehicle, attitude: _Attitude, smooth: bool, engine: Engine
 ) -> tuple[Floats, Floats]:
     """Velocity (2, n) at the roll axis under the CG and sd of its lateral part (n,)."""
-    p, q, r = rates
+    (p, q, r), heading, heading_sd = attitude.rates, attitude.heading, attitude.heading_sd
     imu = np.array(vehicle.imu_position or (0.0, 0.0, 0.0))
     lever = np.array(vehicle.antenna_position or (0.0, 0.0, 0.0)) - imu
-    f_x = drive["imu.accel_x"] - G * np.sin(pitch_total)
-    f_y = drive["imu.accel_y"] - G * np.sin(angle)
+    f_x = drive["imu.accel_x"] - G * np.sin(attitude.pitch_total)
+    f_y = drive["imu.accel_y"] - G * np.sin(attitude.roll_total)
     V, track_angle = _at_epochs(drive, "speed"), _at_epochs(drive, "course") - heading
     z = np.stack(
         [

@@ -13,7 +13,7 @@ import numpy as np
 
 from roadlog.drive import Drive
 from roadlog.estimators import run as run_estimator
-from roadlog.estimators.kim2023.strapdown import attitude, dead_reckon
+from roadlog.estimators.kim2023.strapdown import StrapdownStart, attitude, dead_reckon
 from roadlog.reproduce import Form, ResultRow, ResultTable, over, over_seeds
 from roadlog.reproduce.kim2023.motions import (
     ACCELERATIONS,
@@ -146,11 +146,14 @@ def _both_ways(job: tuple[int, float]) -> tuple[Floats, Floats]:
         x, y, z = after.mean(axis=0)
         at_rest = np.arctan2(x, np.hypot(y, z))
         q = attitude(at_rest, np.arctan2(y, z))
-        back = dead_reckon(f[::-1], w[::-1], -drive.dt, q, np.sqrt(x * x + y * y + z * z), 2.0)
+        standing = StrapdownStart(q, np.sqrt(x * x + y * y + z * z))
+        back = dead_reckon(f[::-1], w[::-1], -drive.dt, standing, 2.0)
         reverse.append(at_rest - back.slope)
         x, y, z = before.mean(axis=0)
         q = attitude(np.arctan2(x, np.hypot(y, z)), np.arctan2(y, z))
-        path = dead_reckon(f, w, drive.dt, q, np.sqrt(x * x + y * y + z * z), np.inf)
+        path = dead_reckon(
+            f, w, drive.dt, StrapdownStart(q, np.sqrt(x * x + y * y + z * z)), np.inf
+        )
         last = path.s >= path.s[-1] - 2.0
         s, z_last = path.s[last], path.z[last]
         forward.append(at_rest - np.arctan2(z_last[-1] - z_last[0], s[-1] - s[0]))
