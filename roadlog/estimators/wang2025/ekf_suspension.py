@@ -18,6 +18,7 @@ from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
 from roadlog.estimators.straight import selected_speed, straight_flags
 from roadlog.estimators.wang2025.printed import filter_printed
 from roadlog.estimators.wang2025.suspension_ekf import (
+    PitchingCar,
     SuspensionModel,
     filter_suspension,
     smooth_suspension,
@@ -142,13 +143,15 @@ def suspension_model(
     known = np.flatnonzero(np.isfinite(speed))
     per_step = TUNING_RATE * dt
     return SuspensionModel(
-        dt=dt,
-        mass=vehicle.mass,
-        drag=0.5 * vehicle.air_density * vehicle.drag_area,
-        rolling=vehicle.rolling_resistance,
-        height=vehicle.cg_height,
-        decay=decay,
-        gain=(1 - decay) / stiffness,
+        PitchingCar(
+            dt=dt,
+            mass=vehicle.mass,
+            drag=0.5 * vehicle.air_density * vehicle.drag_area,
+            rolling=vehicle.rolling_resistance,
+            height=vehicle.cg_height,
+            decay=decay,
+            gain=(1 - decay) / stiffness,
+        ),
         body_mount=params.mount == "body",
         Q=np.array(
             [
@@ -162,9 +165,9 @@ def suspension_model(
         x0=np.array([speed[known[0]] if len(known) else 0.0, 0.0, 0.0, 0.0]),
         P0=np.diag([0.1**2, 1.0**2, 0.1**2, 0.02**2]),
         gate=params.gate,
-        speed=speed,
-        accel=accel,
-        force=force,
+        speed=np.ascontiguousarray(speed, np.float64),
+        accel=np.ascontiguousarray(accel, np.float64),
+        force=np.ascontiguousarray(force, np.float64),
     )
 
 

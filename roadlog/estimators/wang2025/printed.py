@@ -14,7 +14,6 @@ from roadlog.estimators.wang2025.suspension_ekf import (
     jacobian,
     measured_accel,
 )
-from roadlog.types import Floats
 
 W = np.array([0.0, 0.1, 0.0, 1.0])  # printed: nothing for the grade
 
@@ -24,49 +23,26 @@ def filter_printed(model: SuspensionModel) -> SuspensionTrack:
 
     Q is the pitch's process noise, V the measurements' standard deviations. No gate.
     """
-    noise = np.outer(W, W) * model.Q[3]
-    spread = np.sqrt(model.R)
-    x, P, innovation = _filter(
-        np.ascontiguousarray(model.speed),
-        np.ascontiguousarray(model.accel),
-        np.ascontiguousarray(model.force),
-        model.x0,
-        model.P0,
-        noise,
-        np.outer(spread, spread),
-        model.car,
-        model.body_mount,
-    )
-    return SuspensionTrack(x, P, innovation, np.zeros(len(model.speed), np.bool_))
-
-
-def _filter(
-    speed: Floats,
-    accel: Floats,
-    force: Floats,
-    x0: Floats,
-    P0: Floats,
-    Q: Floats,
-    R: Floats,
-    car: Floats,
-    body: bool,
-) -> tuple[Floats, Floats, Floats]:
-    n = len(speed)
+    Q, spread = np.outer(W, W) * model.Q[3], np.sqrt(model.R)
+    R = np.outer(spread, spread)
+    n = len(model.speed)
     xs, Ps = np.empty((n, 4)), np.empty((n, 4, 4))
     innovation = np.full((n, 3), np.nan)
-    x, P = x0.copy(), P0.copy()
+    x, P = model.x0.copy(), model.P0.copy()
     A, H = np.empty((4, 4)), np.zeros((2, 4))
     H[0, 0] = 1.0
-    for k in range(n):
+    for k, (speed, accel, force) in enumerate(
+        zip(model.speed, model.accel, model.force, strict=True)
+    ):
         if k > 0:
-            jacobian(x, force[k], car, A)
+            jacobian(x, force, model.car, A)
             x = A @ x
-            if np.isfinite(force[k]):
-                x[1] += force[k] / car[1]
+            if np.isfinite(force):
+                x[1] += force / model.car.mass
             P = A @ P @ A.T + Q
-        if np.isfinite(speed[k]) and np.isfinite(accel[k]):
-            accel_row(x, body, H[1])
-            residual = np.array([speed[k] - x[0], accel[k] - measured_accel(x, body)])
+        if np.isfinite(speed) and np.isfinite(accel):
+            accel_row(x, model.body_mount, H[1])
+            residual = np.array([speed - x[0], accel - measured_accel(x, model.body_mount)])
             S = H @ P @ H.T + R
             gain = P @ H.T @ np.linalg.inv(S)
             innovation[k, :2] = residual
@@ -75,4 +51,4 @@ def _filter(
             P = P - gain @ H @ P
             P = 0.5 * (P + P.T)
         xs[k], Ps[k] = x, P
-    return xs, Ps, innovation
+    return SuspensionTrack(xs, Ps, innovation, np.zeros(n, np.bool_))

@@ -6,8 +6,7 @@ compiled engine and filterpy both run it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,13 +22,9 @@ SLOW_SPEED = 0.3  # m/s, below it brakes may hold the car and the force balance 
 SLOW_ACCEL_VARIANCE = 3.0**2  # (m/s2)^2, process noise of the acceleration there
 
 
-@dataclass(frozen=True)
-class SuspensionModel:
-    """State x = [v, a = dv/dt + g sin(grade), grade, pitch]; SI and rad.
-
-    drag: rho CdA / 2, kg/m. rolling: coefficient. height: of the CG. decay, gain: of the pitch in
-    one step. Q, R: diagonals. speed, accel, force (N,): measured, NaN where unknown.
-    """
+class PitchingCar(NamedTuple):
+    """A car stepped by dt: SI. drag: rho CdA / 2, kg/m. rolling: coefficient. height: of the CG.
+    decay, gain: of the pitch in one step."""
 
     dt: float
     mass: float
@@ -38,6 +33,16 @@ class SuspensionModel:
     height: float
     decay: float
     gain: float  # rad/(N m)
+
+
+class SuspensionModel(NamedTuple):
+    """State x = [v, a = dv/dt + g sin(grade), grade, pitch]; SI and rad.
+
+    body_mount: the accelerometer is on the body, else along the road. Q, R: diagonals. speed,
+    accel, force (N,): measured, NaN where unknown; contiguous.
+    """
+
+    car: PitchingCar
     body_mount: bool
     Q: Floats
     R: Floats
@@ -48,15 +53,8 @@ class SuspensionModel:
     accel: Floats
     force: Floats
 
-    @property
-    def car(self) -> Floats:
-        """The constants in the order in which the model's functions unpack them."""
-        parts = (self.dt, self.mass, self.drag, self.rolling, self.height, self.decay, self.gain)
-        return np.array(parts)
 
-
-@dataclass(frozen=True)
-class SuspensionTrack:
+class SuspensionTrack(NamedTuple):
     """x (N, 4), P (N, 4, 4); innovation (N, 3): of speed, of acceleration, and mean normalized
     squared; rejected (N,): beyond the gate."""
 
@@ -67,10 +65,9 @@ class SuspensionTrack:
 
 
 @compiled
-def transition(x: Floats, force: float, car: Floats, y: Floats) -> None:
+def transition(x: Floats, force: float, car: PitchingCar, y: Floats) -> None:
     """Next state into y (4,); an unknown drive force (NaN) keeps the acceleration."""
-    dt, mass, drag, rolling, height = car[0], car[1], car[2], car[3], car[4]
-    decay, gain = car[5], car[6]
+    dt, mass, drag, rolling, height, decay, gain = car
     v, a, grade, pitch = x[0], x[1], x[2], x[3]
     y[0] = v + dt * (a - G * np.sin(grade))
     y[1] = a
@@ -83,10 +80,9 @@ def transition(x: Floats, force: float, car: Floats, y: Floats) -> None:
 
 
 @compiled
-def jacobian(x: Floats, force: float, car: Floats, F: Floats) -> None:
+def jacobian(x: Floats, force: float, car: PitchingCar, F: Floats) -> None:
     """dtransition/dx into F (4, 4)."""
-    dt, mass, drag, rolling, height = car[0], car[1], car[2], car[3], car[4]
-    decay, gain = car[5], car[6]
+    dt, mass, drag, rolling, height, decay, gain = car
     v, grade = x[0], x[2]
     for i in range(4):
         for j in range(4):
@@ -141,7 +137,7 @@ def ahead(
     P: Floats,
     force: float,
     Q: Floats,
-    car: Floats,
+    car: PitchingCar,
     y: Floats,
     S: Floats,
     FP: Floats,
@@ -166,9 +162,7 @@ def filter_suspension(model: SuspensionModel, engine: Engine = "compiled") -> Su
         np.empty((n, 4)), np.empty((n, 4, 4)), np.full((n, 3), np.nan), np.zeros(n, np.bool_)
     )
     track.x[:1], track.P[:1] = model.x0, model.P0
-    data = (model.speed, model.accel, model.force, model.Q, model.R)
-    arrays = (np.ascontiguousarray(part, np.float64) for part in data)
-    run(*arrays, model.car, model.body_mount, model.gate, *vars(track).values())
+    run(model, track)
     return track
 
 
@@ -181,125 +175,104 @@ def smooth_suspension(
     hours of them take more memory than time.
     """
     run: Any = _smooth_reference if engine == "reference" else _smooth
-    force = np.ascontiguousarray(model.force, np.float64)
-    run(track.x, track.P, force, np.asarray(model.Q, np.float64), model.car)
+    run(model, track)
     return track
 
 
 @compiled
-def _filter(
-    speed: Floats,
-    accel: Floats,
-    force: Floats,
-    Q: Floats,
-    R: Floats,
-    car: Floats,
-    body: bool,
-    gate: float,
-    xs: Floats,
-    Ps: Floats,
-    innovation: Floats,
-    rejected: Bools,
-) -> None:
+def _filter(model: SuspensionModel, track: SuspensionTrack) -> None:
+    xs, Ps, innovation = track.x, track.P, track.innovation
     FP, work = np.empty((4, 4)), np.empty((2, 4, 4))
     rows, Ph = np.zeros((2, 4)), np.empty(4)
     rows[0, 0] = 1.0
-    for k in range(len(speed)):
+    for k in range(len(model.speed)):
         x, P = xs[k], Ps[k]
         if k > 0:
-            ahead(xs[k - 1], Ps[k - 1], force[k], Q, car, x, P, FP, work)
+            ahead(xs[k - 1], Ps[k - 1], model.force[k], model.Q, model.car, x, P, FP, work)
         nis, used = 0.0, 0
         for i in range(2):
-            z = speed[k] if i == 0 else accel[k]
+            z = model.speed[k] if i == 0 else model.accel[k]
             if not np.isfinite(z):
                 continue
             h = rows[i]
             if i == 1:
-                accel_row(x, body, h)
-            residual = z - (x[0] if i == 0 else measured_accel(x, body))
-            s = R[i]
+                accel_row(x, model.body_mount, h)
+            residual = z - (x[0] if i == 0 else measured_accel(x, model.body_mount))
+            s = model.R[i]
             for a in range(4):
                 for b in range(4):
                     s += h[a] * P[a, b] * h[b]
             innovation[k, i] = residual
             nis += residual * residual / s
             used += 1
-            if abs(residual) > gate * np.sqrt(s):
-                rejected[k] = True
+            if abs(residual) > model.gate * np.sqrt(s):
+                track.rejected[k] = True
                 continue
-            correct_scalar(x, P, residual, h, R[i], Ph)
+            correct_scalar(x, P, residual, h, model.R[i], Ph)
         if used > 0:
             innovation[k, 2] = nis / used
 
 
 @compiled
-def _smooth(xs: Floats, Ps: Floats, force: Floats, Q: Floats, car: Floats) -> None:
+def _smooth(model: SuspensionModel, track: SuspensionTrack) -> None:
+    xs, Ps = track.x, track.P
     prior, work, of_step = np.empty((2, 4)), np.empty((4, 4, 4)), np.empty((2, 4, 4))
     for k in range(len(xs) - 2, -1, -1):
-        ahead(xs[k], Ps[k], force[k + 1], Q, car, prior[0], work[0], work[1], of_step)
+        force = model.force[k + 1]
+        ahead(xs[k], Ps[k], force, model.Q, model.car, prior[0], work[0], work[1], of_step)
         smooth_step(xs[k], Ps[k], xs[k + 1], Ps[k + 1], prior, work)
 
 
-def _filter_reference(
-    speed: Floats,
-    accel: Floats,
-    force: Floats,
-    Q: Floats,
-    R: Floats,
-    car: Floats,
-    body: bool,
-    gate: float,
-    xs: Floats,
-    Ps: Floats,
-    innovation: Floats,
-    rejected: Bools,
-) -> None:
+def _filter_reference(model: SuspensionModel, track: SuspensionTrack) -> None:
     from filterpy.kalman import ExtendedKalmanFilter
+
+    xs, Ps, innovation = track.x, track.P, track.innovation
 
     class Filter(ExtendedKalmanFilter):  # type: ignore[misc]
         def predict_x(self, u: float = 0.0) -> None:
             state: Floats = np.ravel(vars(self)["x"])
             y = np.empty(4)
-            transition(state, u, car, y)
+            transition(state, u, model.car, y)
             self.x = y.reshape(4, 1)
 
     def row_of_accel(x: Floats) -> Floats:
         h = np.empty((1, 4))
-        accel_row(x[:, 0], body, h[0])
+        accel_row(x[:, 0], model.body_mount, h[0])
         return h
 
     ekf = Filter(4, 1)
     ekf.x, ekf.P = xs[0].reshape(4, 1).copy(), Ps[0].copy()
     rows = (lambda _: np.array([[1.0, 0.0, 0.0, 0.0]]), row_of_accel)
-    readings = (lambda x: x[0:1], lambda x: np.array([[measured_accel(x[:, 0], body)]]))
-    for k in range(len(speed)):
+    readings = (lambda x: x[0:1], lambda x: np.array([[measured_accel(x[:, 0], model.body_mount)]]))
+    for k, force in enumerate(model.force):
         if k > 0:
-            jacobian(ekf.x[:, 0], force[k], car, ekf.F)
-            process_noise(ekf.x[:, 0], Q, ekf.Q)
-            ekf.predict(force[k])
+            jacobian(ekf.x[:, 0], force, model.car, ekf.F)
+            process_noise(ekf.x[:, 0], model.Q, ekf.Q)
+            ekf.predict(force)
         squares = []
-        for i, z in enumerate((speed[k], accel[k])):
+        for i, z in enumerate((model.speed[k], model.accel[k])):
             if not np.isfinite(z):
                 continue
             h = rows[i](ekf.x)
             residual = z - readings[i](ekf.x)[0, 0]
-            s = (h @ ekf.P @ h.T)[0, 0] + R[i]
+            s = (h @ ekf.P @ h.T)[0, 0] + model.R[i]
             innovation[k, i] = residual
             squares.append(residual**2 / s)
-            if abs(residual) > gate * np.sqrt(s):
-                rejected[k] = True
+            if abs(residual) > model.gate * np.sqrt(s):
+                track.rejected[k] = True
                 continue
-            ekf.update(np.array([[z]]), rows[i], readings[i], R=np.array([[R[i]]]))
+            ekf.update(np.array([[z]]), rows[i], readings[i], R=np.array([[model.R[i]]]))
         if squares:
             innovation[k, 2] = np.mean(squares)
         xs[k], Ps[k] = ekf.x[:, 0], ekf.P
 
 
-def _smooth_reference(xs: Floats, Ps: Floats, force: Floats, Q: Floats, car: Floats) -> None:
+def _smooth_reference(model: SuspensionModel, track: SuspensionTrack) -> None:
+    xs, Ps, force, car = track.x, track.P, model.force, model.car
     F, noise, x_prior = np.empty((4, 4)), np.empty((4, 4)), np.empty(4)
     for k in range(len(xs) - 2, -1, -1):
         jacobian(xs[k], force[k + 1], car, F)
-        process_noise(xs[k], Q, noise)
+        process_noise(xs[k], model.Q, noise)
         transition(xs[k], force[k + 1], car, x_prior)
         P_prior = F @ Ps[k] @ F.T + noise
         C = np.linalg.solve(P_prior, F @ Ps[k]).T
