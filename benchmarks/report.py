@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from roadlog.log import create
-from roadlog.report.batch import Executor, local_workers
+from roadlog.report.batch import Workers, local_workers
 from roadlog.report.page import write_assets, write_index
 from roadlog.report.row import Options, empty_row
 from roadlog.report.run import finish, output_folder, run
@@ -54,7 +54,7 @@ def copies_of(log: Path, count: int) -> Path:
 
 
 @contextmanager
-def kept(jobs: int, warm_up: FoundLog, options: Options) -> Iterator[Callable[[], Executor]]:
+def kept(jobs: int, warm_up: FoundLog, options: Options) -> Iterator[Callable[[], Workers]]:
     """An engine whose processes have started, and compiled what they need, before it counts."""
     engine = local_workers(jobs)
     futures: list[Future] = []

@@ -161,6 +161,7 @@ def _show(
     folder: Path,
     force: bool,
 ) -> None:
+    from roadlog import files
     from roadlog.view import viewer
 
     is_ours = web or png is not None  # a window loads its recording when we are gone
@@ -177,8 +178,10 @@ def _show(
         shown.send(connect)
         console.say(f"sent to {connect}")
     elif png is not None:
-        for picture in viewer.pictures(path, png, shown.cursor, force=force):
-            console.say(str(picture))
+        for name, picture in viewer.pictures(path, shown.cursor):
+            with files.output(png / name, [path], force=force):
+                files.write(png / name, picture)
+            console.say(str(png / name))
     elif web:
         life.rest()
         viewer.serve(path, lambda url: console.complain(f"open {url} (Ctrl-C ends)"))

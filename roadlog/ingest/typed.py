@@ -63,7 +63,7 @@ def _radius(
     others = [m for m in taken if m not in wheels]
     usual = Vehicle().wheel_radius
     try:
-        drive = drive_of([*plain, *others], frames)
+        drive = drive_of(frames, [*plain, *others])
     except RoadlogError:
         drive = None
     if drive is not None:
@@ -94,16 +94,16 @@ def _radius(
     return usual, f"rad/s by its type; a usual rolling radius of {usual} m is assumed"
 
 
-def drive_of(taken: Sequence[Meaning], frames: Sequence[Frame]) -> Drive:
+def drive_of(frames: Sequence[Frame], taken: Sequence[Meaning]) -> Drive:
     """The drive through these signals. Raises RoadlogError."""
     made = Profile.from_toml(toml(taken), NAME)
-    located, _ = mapping.locate(made, with_derived(taken, frames))
+    located, _ = mapping.locate(made, with_derived(frames, taken))
     signals, _ = mapping.signals(made, located)
     inputs = [t for t in mapping.tables(signals) if not is_truth(t.topic)]
     return Drive.from_tables(inputs)
 
 
-def with_derived(taken: Iterable[Meaning], frames: Iterable[Frame]) -> list[Frame]:
+def with_derived(frames: Iterable[Frame], taken: Iterable[Meaning]) -> list[Frame]:
     """The frames with the columns that signals are made of as their own."""
     more: dict[int, dict[str, NDArray]] = {}
     for m in taken:

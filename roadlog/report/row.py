@@ -138,13 +138,6 @@ def empty_row(source: FoundLog, options: Options) -> dict[str, Any]:
     }
 
 
-def lost_row(
-    source: FoundLog, options: Options, status: str, error: BaseException, text: str = ""
-) -> dict[str, Any]:
-    """The row of a log that no worker could finish."""
-    return {**empty_row(source, options), "status": status, "message": text or one_line(error)}
-
-
 def one_line(error: BaseException) -> str:
     """An error as one line for a table."""
     text = " ".join(str(error).split())

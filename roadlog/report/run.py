@@ -19,8 +19,9 @@ from roadlog.report.row import (
     LogResult,
     Options,
     detail_name,
+    empty_row,
     key_of,
-    lost_row,
+    one_line,
     run_log,
 )
 from roadlog.report.sources import FoundLog, download_report, is_remote, names_below, upload_report
@@ -215,7 +216,8 @@ def _result(outcome: Outcome[FoundLog, LogResult], options: Options) -> LogResul
         return outcome.result
     error = outcome.error or RuntimeError("no result")
     status = "crashed" if isinstance(error, WorkerDiedError) else "failed"
-    return LogResult(lost_row(outcome.item, options, status, error))
+    row = empty_row(outcome.item, options)
+    return LogResult(row | {"status": status, "message": one_line(error)})
 
 
 def _kept(folder: Path, sources: Sequence[FoundLog], options: Options) -> dict[str, TableRow]:

@@ -18,7 +18,7 @@ from roadlog.view.colors import ordered
 from roadlog.view.curves import Curve, on_clock
 from roadlog.view.fields import FieldPlot, field_plots
 from roadlog.view.lanes import Lane, drive_lanes
-from roadlog.view.runs import Run, load_runs
+from roadlog.view.runs import Run, load, run_of
 from roadlog.view.scene import Scene, drive_scene
 from roadlog.view.stops import StopPicture, stop_pictures
 from roadlog.view.summary import summary_texts
@@ -116,7 +116,10 @@ def drive_view(
     and inputs. estimators: only these (default: all). Raises MissingSignalError for an estimator
     that no log has, LogReadError for a log without signals.
     """
-    runs = load_runs([logs] if isinstance(logs, DriveLog) else logs, estimators, rate)
+    runs = [
+        run_of(loaded, Drive.from_tables(loaded.tables.values(), rate))
+        for loaded in load([logs] if isinstance(logs, DriveLog) else logs, estimators)
+    ]
     if not runs:
         raise ConfigError("no log to show")
     drives = [run for k, run in enumerate(runs) if not any(run.same_drive(r) for r in runs[:k])]

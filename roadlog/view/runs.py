@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -60,23 +61,32 @@ class Run:
         )
 
 
-def load_runs(logs: Sequence[DriveLog], estimators: Sequence[str], rate: float) -> list[Run]:
+class Loaded(NamedTuple):
+    """What is read of one log. wanted: its estimates that are shown."""
+
+    name: str
+    log: DriveLog
+    wanted: Sequence[str]
+    tables: Mapping[str, Table]
+
+
+def load(logs: Sequence[DriveLog], estimators: Sequence[str]) -> Iterator[Loaded]:
     """Read what is shown of every log. Raises MissingSignalError, LogReadError."""
     known = {name for log in logs for name in log.estimators}
     for name in estimators:
         if name not in known:
             where = ", ".join(str(log.path) for log in logs)
             raise MissingSignalError(f"{where}: no estimate '{name}'. {near(name, known)}")
-    names = _names(logs)
-    return [_load(log, name, estimators, rate) for log, name in zip(logs, names, strict=True)]
+    for log, name in zip(logs, _names(logs), strict=True):
+        wanted = [e for e in log.estimators if not estimators or e in estimators]
+        details = [estimate_topic(e, d) for e in wanted for d in (EVENTS, WINDOWS)]
+        topics = [*(s.topic for s in INPUTS), TRUTH_TOPIC, MOTION, *map(estimate_topic, wanted)]
+        yield Loaded(name, log, wanted, log.tables([*topics, *details]))
 
 
-def _load(log: DriveLog, name: str, estimators: Sequence[str], rate: float) -> Run:
-    wanted = [e for e in log.estimators if not estimators or e in estimators]
-    details = [estimate_topic(e, d) for e in wanted for d in (EVENTS, WINDOWS)]
-    topics = [*(s.topic for s in INPUTS), TRUTH_TOPIC, MOTION, *map(estimate_topic, wanted)]
-    tables = log.tables([*topics, *details])
-    drive = Drive.from_tables(tables.values(), rate)
+def run_of(loaded: Loaded, drive: Drive) -> Run:
+    """A log as it is shown, its signals as they are in `drive`."""
+    name, log, wanted, tables = loaded
     true = tables.get(TRUTH_TOPIC)
     run = Run(
         name,

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.errors import RoadlogError
-from roadlog.files import output, write
 from roadlog.processes import child
 
 RERUN = (0, 41)  # the minor version that layout and recording are written for
@@ -111,27 +110,22 @@ def check_listening(url: str) -> None:
 
 
 def pictures(
-    path: Path, folder: Path, cursor: Mapping[str, Any], size: str = WINDOW, *, force: bool = True
-) -> list[Path]:
-    """Draw every tab of a recording into FOLDER/N-tab.png, without a screen.
+    path: Path, cursor: Mapping[str, Any], size: str = WINDOW
+) -> Iterator[tuple[str, bytes]]:
+    """Every tab of a recording, drawn without a screen: N-tab.png, and what is in it.
 
-    cursor: timeline, and where on it. force: pictures that are there may go. Raises NoGraphicsError
-    without a Vulkan driver, RoadlogError when the viewer reports errors.
+    cursor: timeline, and where on it. Raises NoGraphicsError without a Vulkan driver, RoadlogError
+    when the viewer reports errors.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    written = []
     with headless(path, size) as viewer:
         viewer.set_time(**cursor, play_state="paused")
         for k, name in enumerate(viewer.tabs, 1):
             viewer.show(name)
-            target = folder / f"{k}-{name.lower()}.png"
-            with output(target, [path], force=force):
-                write(target, viewer.picture())
+            picture = viewer.picture()
             problems = viewer.problems()
             if problems:
                 raise RoadlogError(f"{path}: tab {name}: {'; '.join(problems)}")
-            written.append(target)
-    return written
+            yield f"{k}-{name.lower()}.png", picture
 
 
 class Headless:

@@ -13,7 +13,7 @@ from support.drives import hill_tables, table
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.log import create
-from roadlog.report.batch import Executor
+from roadlog.report.batch import Workers
 from roadlog.report.page import write_assets, write_index
 from roadlog.report.row import Options, empty_row
 from roadlog.report.run import finish, output_folder, run
@@ -24,10 +24,10 @@ OPTIONS = Options(("kmbe", "lowpass_attitude", "ls_window"))
 pytestmark = pytest.mark.needs_browser
 
 
-def in_threads(jobs: int = 1) -> Executor:
-    """The seam is an Executor, so a thread does as well as a cluster."""
+def in_threads(jobs: int = 1) -> Workers:
+    """The seam is an Workers, so a thread does as well as a cluster."""
     executor = ThreadPoolExecutor(jobs)
-    return Executor(executor, jobs, lambda: None, executor.shutdown)
+    return Workers(executor, jobs, lambda: None, executor.shutdown)
 
 
 def positions(duration: float, offset: float = 0.0) -> Any:

@@ -13,7 +13,7 @@ from support.report_folder import read_rows, statuses
 
 from roadlog.errors import LogReadError
 from roadlog.log import DriveLog, create
-from roadlog.report.batch import Executor
+from roadlog.report.batch import Workers
 from roadlog.report.row import Options
 from roadlog.report.run import finish, output_folder, run
 from roadlog.report.sources import SOURCE_SUFFIXES, find
@@ -22,9 +22,9 @@ from roadlog.report.table import FIGURES
 OPTIONS = Options(("kmbe", "lowpass_attitude"))
 
 
-def in_threads() -> Executor:
+def in_threads() -> Workers:
     executor = ThreadPoolExecutor(2)
-    return Executor(executor, 2, lambda: None, executor.shutdown)
+    return Workers(executor, 2, lambda: None, executor.shutdown)
 
 
 @pytest.fixture(scope="module")

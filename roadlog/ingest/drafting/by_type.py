@@ -16,7 +16,7 @@ def by_type(draft: Draft) -> set[int]:
     found = kinds.meanings(draft.frames)
     taken = {m.role: m for m in typed.chosen(found, draft.frames)}
     everything = [m for ranked in found.values() for m in ranked]
-    shown = typed.with_derived(everything, draft.frames)
+    shown = typed.with_derived(draft.frames, everything)
     frames = {id(old): new for old, new in zip(draft.frames, shown, strict=True)}
     draft.frames = shown
     said: set[str] = set()
