@@ -13,6 +13,7 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Callable
 from types import FrameType
 from typing import NoReturn
 
@@ -31,11 +32,7 @@ def install() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) != signal.SIG_IGN:  # nohup and shells ask for that
             signal.signal(number, _raise)
-    if hasattr(signal, "pthread_sigmask"):
-        heard, told = os.pipe()
-        os.set_blocking(told, False)
-        signal.set_wakeup_fd(told, warn_on_full_buffer=False)
-        threading.Thread(target=_watch, args=(heard,), daemon=True).start()
+    threading.Thread(target=_watch, args=(_heard(),), daemon=True).start()
 
 
 def done() -> None:
@@ -79,11 +76,26 @@ def _raise(number: int, _frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _watch(heard: int) -> None:
+def _heard() -> Callable[[], bytes]:
+    """What gives the number of each signal, as a byte, to whoever waits for it."""
+    if hasattr(signal, "pthread_sigmask"):
+        heard, told = os.pipe()
+        os.set_blocking(told, False)
+        signal.set_wakeup_fd(told, warn_on_full_buffer=False)
+        return lambda: os.read(heard, 1)
+    import socket  # Windows wakes by sockets alone
+
+    ours, theirs = socket.socketpair()
+    theirs.setblocking(False)
+    signal.set_wakeup_fd(theirs.detach(), warn_on_full_buffer=False)
+    return lambda: ours.recv(1)
+
+
+def _watch(heard: Callable[[], bytes]) -> None:
     """Wait for a signal without the main thread, which may be in compiled code."""
     number = 0
     while number not in (signal.SIGINT, signal.SIGTERM):
-        number = os.read(heard, 1)[0]
+        number = heard()[0]
     main = threading.main_thread()
     main.join(GRACE)
     if main.is_alive() and signal.getsignal(number) is _raise:

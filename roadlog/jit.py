@@ -59,7 +59,9 @@ def _forgiving(dispatcher: Any) -> Any:
     numba reads an index before it looks at its stamp: one of an older roadlog, that names a type
     which is gone, and one of which only a part was written, would end in a traceback.
     """
-    kept = dispatcher._cache._cache_file
+    kept = getattr(dispatcher._cache, "_cache_file", None)
+    if kept is None:  # a kernel that is not kept
+        return dispatcher
 
     def read(method: Callable, otherwise: Callable[[], Any]) -> Callable:
         def attempt(*arguments: Any) -> Any:

@@ -8,7 +8,7 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 
@@ -63,7 +63,8 @@ def _beside(path: Path) -> Iterator[None]:
 
     if not path.exists():
         raise LogWriteError(f"{path}: cannot be opened: No such file or directory")
-    beside = FileLock(path.with_name(f".{path.name}.lock"))
+    name = path.with_name(f".{path.name}.lock")
+    beside = FileLock(name)
     try:
         try:
             beside.acquire(timeout=SAID_AFTER)
@@ -80,6 +81,8 @@ def _beside(path: Path) -> Iterator[None]:
         yield
     finally:
         beside.release()
+        with suppress(OSError):  # who waits for it has it open, and keeps it
+            name.unlink()
 
 
 def _say_waiting(path: Path, seconds: float) -> None:

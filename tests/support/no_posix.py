@@ -21,7 +21,7 @@ from typing import Any
 PEERS = ("filelock", "platformdirs", "psutil")
 MODULES = ("fcntl", "pwd", "grp", "resource", "termios", "pty", "tty")
 CALLS = {
-    os: """fork forkpty fchmod fchown sync getpgid setsid killpg statvfs sendfile
+    os: """fork forkpty fchmod fchown sync getpgid setsid killpg statvfs
     copy_file_range posix_fadvise O_NOFOLLOW O_DIRECTORY""",
     signal: "SIGALRM setitimer pthread_sigmask SIGHUP",
     mmap: "MADV_DONTNEED PROT_READ MAP_SHARED MAP_PRIVATE",
