@@ -1,4 +1,4 @@
-"""What an inertial sensor is worth: shaken, coarse, clipped, drifting.
+"""What an inertial sensor is worth: vibrating, coarse, clipped, drifting.
 
 By the samples as they were taken. None of these faults can be put right; the standard deviations
 of the estimators grow with most of them.
@@ -20,7 +20,7 @@ from roadlog.units import STANDARD_GRAVITY as G
 
 SLOWEST = 0.25  # s between samples
 GAP, GAPS = 0.2, 0.05  # s without samples that no estimator bridges; share of the log
-SHAKEN = 2.0  # m/s2 from sample to sample; the roughest of the public drives has 0.7
+VIBRATION = 2.0  # m/s2 from sample to sample; the roughest of the public drives has 0.7
 COARSE = {"accel": 0.15, "gyro": float(np.radians(0.4))}  # m/s2, rad/s: 0.9 deg of grade
 CLIPPED = 0.005  # share of samples at one end
 PILE = 4.0  # times as many as at the value beside it: what a limit does, and no coarse sensor
@@ -48,7 +48,7 @@ def inertial(tables: Mapping[str, Table]) -> list[Finding]:
         known = {role: values for role, values in known.items() if len(values) >= 10}
         found += [*_coarse(kind, known), *_clipped(known)]
         if kind == "accel":
-            found += _shaken(known)
+            found += _vibrating(known)
     return found + list(_drift(tables, table))
 
 
@@ -80,19 +80,19 @@ def _slow(table: Table) -> Iterator[Finding]:
         )
 
 
-def _shaken(known: Mapping[str, Floats]) -> Iterator[Finding]:
+def _vibrating(known: Mapping[str, Floats]) -> Iterator[Finding]:
     """White noise of this size between neighbors: second differences, by their median."""
     sizes = {
         role: float(np.median(np.abs(np.diff(x, 2)))) / 0.6745 / np.sqrt(6)
         for role, x in known.items()
     }
-    roles = [role for role, size in sizes.items() if size > SHAKEN]
+    roles = [role for role, size in sizes.items() if size > VIBRATION]
     if roles:
         size = max(sizes.values())
         yield _fault(
             "vibration",
             roles,
-            f"shake by {size:.1f} m/s2 from sample to sample",
+            f"vibrate by {size:.1f} m/s2 from sample to sample",
             "a loose mount, or an engine whose vibration is faster than the samples: fasten the "
             "sensor, or log it faster behind a low-pass",
             size,

@@ -45,7 +45,7 @@ class Estimator:
     offset, its mounting, the body's motion), added in quadrature;
     docs/methods/common.md#systematic-standard-deviations. tilted: angles that a bias or the
     mounting of the IMU shifts as a whole: by what the stops and the vehicle file say of them.
-    shaken: whether a vibrating IMU makes its angles wrong by more than its sd says.
+    spoiled_by_vibration: whether a vibrating IMU makes its angles wrong by more than its sd says.
     reference: the paper, and where its equations stand.
     """
 
@@ -61,7 +61,7 @@ class Estimator:
     helped: tuple[str, ...] = ()
     systematic_deg: Mapping[str, float] = field(default_factory=dict)
     tilted: tuple[str, ...] = ()
-    shaken: bool = False
+    spoiled_by_vibration: bool = False
 
     def missing(self, drive: Drive | None) -> list[str]:
         """The needs that the drive does not meet; all of them where there is no drive."""
@@ -88,7 +88,7 @@ class Estimator:
         spoiling = [
             fault
             for fault in faults
-            if fault.spoils(roles) or (self.shaken and fault.check == "vibration")
+            if fault.spoils(roles) or (self.spoiled_by_vibration and fault.check == "vibration")
         ]
         if not spoiling:
             return estimate

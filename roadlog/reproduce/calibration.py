@@ -64,7 +64,7 @@ def calibration() -> Reproduction:
         "calibration makes most angles of most methods better",
         better > 0.75 * total,
         f"{better} of {total}",
-        "what no drive tells, like the mounting's roll, is only assumed",
+        "what is not observable in a drive, like the mounting's roll, is only assumed",
     )
     return Reproduction("calibration", [ResultTable("over another pass", rows)], [], [claim])
 

@@ -63,15 +63,15 @@ def driven(disturb: Callable[[str, np.ndarray], np.ndarray]) -> tuple[Estimate, 
     return estimate, angle_metrics(errors, "grade")
 
 
-def test_a_shaken_imu_that_stops_is_no_other_car() -> None:
+def test_a_vibrating_imu_that_stops_is_no_other_car() -> None:
     """The standstill rows must not take the noise of a standing gyro for its bias."""
     rng = np.random.default_rng(3)
 
-    def shaken(name: str, values: np.ndarray) -> np.ndarray:
+    def vibrating(name: str, values: np.ndarray) -> np.ndarray:
         sd = 3.0 if name.startswith("accel") else np.radians(2.0)
         return values + sd * rng.standard_normal(len(values))
 
-    estimate, grade = driven(shaken)
+    estimate, grade = driven(vibrating)
     assert (estimate.flags & FLAGS["standstill"] > 0).any()
     assert not any("do not fit one car" in note for note in estimate.notes)
     assert estimate.valid.mean() > 0.95

@@ -297,5 +297,5 @@ ROLL_BANK_OBS = Estimator(
         "rear_cornering_stiffness",
     ),
     systematic_deg={"roll": 0.05},
-    shaken=True,
+    spoiled_by_vibration=True,
 )

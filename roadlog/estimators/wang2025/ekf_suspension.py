@@ -182,5 +182,5 @@ EKF_SUSPENSION = Estimator(
     vehicle=("mass", "cg_height", "pitch_gradient", "pitch_inertia", "drag_area"),
     systematic_deg={"grade": 0.4, "pitch": 0.08, "inclination": 0.4},
     tilted=("grade", "inclination"),
-    shaken=True,
+    spoiled_by_vibration=True,
 )
