@@ -74,7 +74,62 @@ def test_grade_and_bank_of_a_fine_grid(tmp_path: Path) -> None:
     assert "no vertical datum was converted" in " ".join(notes)
 
 
-@pytest.mark.parametrize("changes", [{"hole": 15.0}, {"nodata": -9999.0}])
+US_FOOT = 1200 / 3937
+FEET = CRS.replace("+units=m", "+units=us-ft")
+
+
+def plain(path: Path, crs: str | None, cell: float, size: float = 1.0, unit: str = "") -> Path:
+    """A grid without noise of heights in units of 1 / size m, in any coordinates."""
+    n = int(300 / cell / (US_FOOT if crs == FEET else 1.0))
+    step, (x0, y0) = cell, (0.0, 0.0)
+    if crs == "EPSG:4326":
+        step, (y0, x0) = 1e-5, HOME
+        n = 400
+    x = step * (np.arange(n) + 0.5 - n / 2)
+    X, Y = np.meshgrid(x0 + x, y0 + x[::-1])
+    if crs == "EPSG:4326":
+        east, north = TransverseMercator(*HOME).forward(Y, X)
+    else:
+        east, north = (axis * (US_FOOT if crs == FEET else 1.0) for axis in (X, Y))
+    corner = rasterio.transform.from_origin(x0 - n / 2 * step, y0 + n / 2 * step, step, step)
+    with rasterio.open(
+        path, "w", driver="GTiff", count=1, dtype="float32", crs=crs, transform=corner,
+        height=n, width=n,
+    ) as file:  # fmt: skip
+        file.write((heights(east, north) * size).astype(np.float32), 1)
+        if unit:
+            file.units = (unit,)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("crs", "cell", "size", "unit", "said"),
+    [
+        (FEET, 3.0, 1 / US_FOOT, "US survey foot", "heights in feet (US survey foot)"),
+        (FEET, 3.0, 1 / US_FOOT, "", "heights in feet, by the altitudes"),
+        (FEET, 3.0, 1.0, "m", "as they are"),
+        (CRS, 1.0, 1 / 0.3048, "ft", "heights in feet (ft)"),
+        (CRS, 1.0, 100.0, "", "heights in 0.01 m, by the altitudes"),
+        ("EPSG:4326", 1.0, 1.0, "", "as they are"),
+    ],
+)
+def test_feet_degrees_and_centimeters(tmp_path, crs, cell, size, unit, said):
+    made, notes = from_dem(plain(tmp_path / "dem.tif", crs, cell, size, unit), way())
+    for angle, wanted in (("grade", GRADE), ("bank", BANK)):
+        assert np.degrees(np.abs(made.columns[angle] - wanted)).max() < 0.02, angle
+    assert said in " ".join(notes)
+
+
+def test_a_grid_in_feet_that_leaves_its_heights_open_is_refused(tmp_path):
+    with pytest.raises(LogReadError, match=r"dem\.tif: its cells are in feet.*give the band"):
+        from_dem(plain(tmp_path / "dem.tif", FEET, 3.0, 1 / US_FOOT), way(altitude=False))
+    with pytest.raises(LogReadError, match=r"dem\.tif.*coordinate system"):
+        from_dem(plain(tmp_path / "dem.tif", None, 3.0), way())
+
+
+@pytest.mark.parametrize(
+    "changes", [{"hole": 15.0}, *({"nodata": v} for v in (-9999.0, 0.0, 32767.0, np.nan))]
+)
 def test_a_bridge_and_unknown_cells_are_left_out(tmp_path: Path, changes: dict) -> None:
     made, _ = from_dem(grid(tmp_path / "dem.tif", 1.0, 0.02, **changes), way())
     assert len(made) < 95

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -27,6 +28,10 @@ DIFFERENT = np.radians(
     3.0
 )  # rad from the drive's own grade, which no road is off: a bridge, a tunnel
 LOWEST = -500.0  # m; there is no land below
+FILLED, FAR = 10, 10.0  # cells of one extreme height, and m to the next one: no height
+TELLING = 100.0  # m; a height above it tells feet from meters, geoid and receiver aside
+FOOT, US_FOOT = 0.3048, 1200 / 3937  # m
+_VERTICAL_UNIT = re.compile(r'VERT_?C(?:RS|S)\[.*?(?:LENGTH)?UNIT\["([^"]+)"', re.DOTALL)
 CORRELATED = 2.0  # of the sd that independent cells would give: neighboring cells err alike
 
 
@@ -93,15 +98,70 @@ def load(path: Path, fixes: DriveFixes) -> Terrain:
             transform = data.window_transform(window)
             heights = np.ma.filled(values.astype(np.float64), np.nan)
             cell = _cell(data.crs, data.res, float(fixes.latitude[0]))
-            nodata, crs = data.nodata, data.crs
+            nodata, crs, unit = data.nodata, data.crs, data.units[0] or ""
     except (rasterio.errors.RasterioError, ValueError, OSError) as error:
         raise LogReadError(f"{path}: not read as a terrain model: {error}") from error
     notes = [f"heights of {path.name} as they are: no vertical datum was converted"]
-    suspect = heights < LOWEST
+    suspect = _unknown(heights) if nodata is None else heights < LOWEST
     if nodata is None and suspect.any():
-        notes.append(f"{int(suspect.sum())} cells below {LOWEST:g} m without a nodata tag: unknown")
+        notes.append(f"{int(suspect.sum())} cells of no height, without a nodata tag: unknown")
     heights[suspect] = np.nan
-    return Terrain(heights, ~transform, crs, cell, tuple(notes))
+    terrain = Terrain(heights, ~transform, crs, cell, tuple(notes))
+    try:
+        return _in_meters(terrain, unit, fixes)
+    except ValueError as error:
+        raise LogReadError(f"{path}: {error}") from error
+
+
+def _unknown(heights: Floats) -> Bools:
+    """Cells that must be fill values: below all land, or one extreme value far from the others."""
+    found: Bools = heights < LOWEST
+    values, counts = np.unique(heights[np.isfinite(heights) & ~found], return_counts=True)
+    if len(values) > 2:
+        for k, gap in ((0, values[1] - values[0]), (-1, values[-1] - values[-2])):
+            if counts[k] >= FILLED and gap > FAR:
+                found |= heights == values[k]
+    return found
+
+
+def _in_meters(terrain: Terrain, unit: str, fixes: DriveFixes) -> Terrain:
+    """Heights in m: by the unit of the band, of the vertical datum, or by the drive's altitudes.
+
+    Raises ValueError where a grid in feet leaves that open.
+    """
+    named = unit or _VERTICAL_UNIT.findall(terrain.crs.to_wkt() if terrain.crs else "")[-1:]
+    text = named if isinstance(named, str) else "".join(named)
+    notes = []
+    if re.search("f(?:oo|ee)?t", text, re.IGNORECASE):
+        factor = US_FOOT if re.search("us|survey", text, re.IGNORECASE) else FOOT
+        notes = [f"heights in feet ({text.strip()})"]
+    elif not text and (ratio := _against_altitudes(terrain, fixes)):
+        factor = min((1.0, FOOT, 0.1, 0.01), key=lambda size: abs(np.log(ratio * size)))
+        if factor != 1.0:
+            what = "feet" if factor == FOOT else f"{factor:g} m"
+            notes = [f"heights in {what}, by the altitudes of the drive: nothing states their unit"]
+    else:
+        factor = 1.0
+        if not text and terrain.crs.is_projected and terrain.crs.linear_units_factor[1] != 1.0:
+            where = "its cells are in feet, but not said is whether its heights are"
+            raise ValueError(f"{where}: give the band a unit, or the drive altitudes")
+    known = (*terrain.notes, *notes)
+    return replace(terrain, values=terrain.values * factor, notes=known)
+
+
+def _against_altitudes(terrain: Terrain, fixes: DriveFixes) -> float | None:
+    """Size of the terrain's heights for the drive's own; None where these do not tell."""
+    known = np.isfinite(fixes.altitude)
+    if known.sum() < 2:
+        return None
+    place = fixes.latitude[known], fixes.longitude[known]
+    heights = bilinear(terrain, *_projected(terrain.crs, *place))
+    both = np.isfinite(heights)
+    if not both.any():
+        return None
+    own = float(np.median(fixes.altitude[known][both]))
+    ratio = float(np.median(heights[both])) / own if abs(own) > TELLING else 0.0
+    return ratio if ratio > 0 else None
 
 
 def planes(
@@ -170,7 +230,7 @@ def _projected(crs: Any, latitude: Floats, longitude: Floats) -> tuple[Floats, F
     from rasterio.warp import transform
 
     if crs is None:
-        raise LogReadError("the grid does not say its coordinate system")
+        raise ValueError("it does not say its coordinate system")
     x, y = transform("EPSG:4326", crs, longitude.tolist(), latitude.tolist())[:2]
     return np.array(x), np.array(y)
 
@@ -180,7 +240,8 @@ def _cell(crs: Any, res: tuple[float, float], latitude: float) -> float:
     if crs is not None and crs.is_geographic:
         meter = np.radians(1.0) * 6_371_008.8
         return float(max(res[1] * meter, res[0] * meter * np.cos(np.radians(latitude))))
-    return float(max(res))
+    factor = crs.linear_units_factor[1] if crs is not None and crs.is_projected else 1.0
+    return float(max(res)) * factor
 
 
 def _rasterio() -> ModuleType:

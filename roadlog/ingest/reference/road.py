@@ -22,12 +22,16 @@ POSITION_SD = 1.0  # m along the road, of a fix: slopes that change sharply are 
 
 @dataclass(frozen=True)
 class DriveFixes:
-    """Where a drive was. time: ns; latitude, longitude: deg; heading: rad, NaN at rest."""
+    """Where a drive was. time: ns; latitude, longitude: deg; altitude: m; heading: rad.
+
+    The heading is NaN at rest, the altitude where the receiver gave none.
+    """
 
     time: Stamps
     latitude: Floats
     longitude: Floats
     heading: Floats
+    altitude: Floats
 
 
 def from_road(model: RoadModel, tables: Sequence[Table]) -> Table:
@@ -71,9 +75,9 @@ def fixes_of(tables: Sequence[Table], road: str) -> DriveFixes:
     time, latitude, longitude = (
         values[order] for values in (time, latitude[known], longitude[known])
     )
-    return DriveFixes(
-        time, latitude, longitude, _heading(found, known, order, time, latitude, longitude)
-    )
+    heading = _heading(found, known, order, time, latitude, longitude)
+    altitude = found.columns.get("altitude", np.full(len(known), np.nan))[known][order]
+    return DriveFixes(time, latitude, longitude, heading, altitude)
 
 
 def _heading(
