@@ -173,6 +173,14 @@ def test_a_failed_update_leaves_the_old_file(log: Path, in_place: bool) -> None:
     assert list(log.parent.iterdir()) == [log]
 
 
+def test_who_has_the_log_open_keeps_the_old_one(log: Path) -> None:
+    before = log.read_bytes()
+    with log.open("rb") as file:
+        put(log, result(500))
+        assert log.read_bytes() != before
+        assert file.read() == before
+
+
 def test_a_log_that_is_being_changed_is_not_touched(log: Path) -> None:
     old = log.read_bytes()
     with (
