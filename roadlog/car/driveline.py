@@ -52,17 +52,21 @@ def driveline(drive: Drive, vehicle: Vehicle) -> Driveline:
         notes.append("no gear ratio in this drive: the engine's inertia is left out")
     ratio = np.where(np.isfinite(gear), gear, 0.0) * vehicle.final_drive
     reflected = vehicle.engine_inertia * ratio**2
+    brake = _wheels(drive, "brake")
+    measured = bool(np.isfinite(brake).any())
+    torques = DRIVE_ROLES[0] in drive or (DRIVE_ROLES[1] in drive and geared)
     if DRIVE_ROLES[0] in drive:
         torque = _wheels(drive, "drive")
-    elif DRIVE_ROLES[1] in drive and geared:
+    elif torques:
         axle = drive[DRIVE_ROLES[1]] * gear * vehicle.final_drive * vehicle.driveline_efficiency
         torque = axle[:, None] * share
-    else:
-        torque = (drive.get(DRIVE_ROLES[2]) * vehicle.wheel_radius)[:, None] * share
-    brake = _wheels(drive, "brake")
-    if not np.isfinite(brake).any():
-        notes.append("no brake torque in this drive: braking reads as an uphill grade")
+    else:  # the force of all wheels has the brakes' in it
+        own = np.nan_to_num(brake).sum(axis=1)
+        torque = (drive.get(DRIVE_ROLES[2]) * vehicle.wheel_radius + own)[:, None] * share
+    if not measured:
         brake = np.where(np.isfinite(torque), 0.0, np.nan)
+        if torques:
+            notes.append("no brake torque in this drive: braking reads as an uphill grade")
     return Driveline(
         drive=torque,
         brake=brake,

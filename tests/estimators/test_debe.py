@@ -160,3 +160,31 @@ def test_says_what_it_assumed(straight: PlanarTruth) -> None:
     notes = " ".join(estimators.run("debe", drive, WAGON).notes)
     assert "no brake torque" in notes
     assert "no gear ratio" in notes
+
+
+@pytest.mark.parametrize("braked", [False, True])
+def test_a_force_of_all_wheels_has_the_brakes_in_it(straight: PlanarTruth, braked: bool) -> None:
+    """They count once, and no note says that braking reads as a grade.
+
+    What a braked wheel slips is not known without its torque: 0.2 deg.
+    """
+    signals = straight.drive.signals
+
+    def total(kind: str) -> np.ndarray:
+        return sum(signals[f"wheel_torques.{kind}_{w}"] for w in ("fl", "fr", "rl", "rr"))
+
+    kept = {
+        role: values
+        for role, values in signals.items()
+        if "drive_" not in role and (braked or "brake" not in role)
+    }
+    force = (total("drive") - total("brake")) / WAGON.wheel_radius
+    drive = dataclasses.replace(straight.drive, signals={**kept, "powertrain.drive_force": force})
+    by_force = estimators.run("debe", drive, WAGON)
+    by_torques = estimators.run("debe", straight.drive, WAGON)
+    known = by_force.valid & by_torques.valid
+    assert known.mean() > 0.9
+    np.testing.assert_allclose(
+        by_force.grade[known], by_torques.grade[known], atol=1e-9 if braked else 0.0035
+    )
+    assert "braking" not in " ".join(by_force.notes)
