@@ -318,6 +318,41 @@ def test_files_that_are_something_else(tmp_path: Path, ending: str) -> None:
         formats.read(path)
 
 
+def damaged(name: str, data: bytes) -> bytes:
+    noise = np.random.default_rng(0).bytes(len(data))
+    return {
+        "empty": b"",
+        "half": data[: len(data) // 2],
+        "head": data[:300],
+        "zeros": data[:600] + bytes(len(data) - 600),
+        "noise": data[:900] + noise[900:],
+    }[name]
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet", ".xodr", ".crg"])
+@pytest.mark.parametrize("name", ["empty", "half", "head", "zeros", "noise"])
+def test_damaged_files_are_one_line(
+    road: RoadModel, tmp_path: Path, ending: str, name: str
+) -> None:
+    pytest.importorskip({".parquet": "pyarrow", ".crg": "pycrg"}.get(ending, "numpy"))
+    path = tmp_path / f"road{ending}"
+    formats.write(road, path)
+    path.write_bytes(damaged(name, path.read_bytes()))
+    with pytest.raises(LogReadError, match=f"road{ending}") as caught:
+        formats.read(path)
+    assert str(caught.value).count(str(path)) == 1
+    assert "\n" not in str(caught.value)
+
+
+def test_stations_that_go_back_are_said_with_their_file(road: RoadModel, tmp_path: Path) -> None:
+    path = tmp_path / "road.csv"
+    formats.write(road, path)
+    head, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([head, *rows[50:], *rows[:50]]))
+    with pytest.raises(LogReadError, match=r"road\.csv: .*stations must ascend"):
+        formats.read(path)
+
+
 def test_endings_that_no_road_has(road: RoadModel, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"\.xodr"):
         formats.write(road, tmp_path / "road.png")

@@ -37,7 +37,10 @@ def read(path: Path) -> RoadModel:
     module = _module(path, READABLE)
     if not path.is_file():
         raise LogReadError(f"{path}: no such file")
-    model: RoadModel = module.read(path)
+    try:
+        model: RoadModel = module.read(path)
+    except ConfigError as error:  # stations that do not ascend
+        raise LogReadError(f"{path}: {error}") from error
     return model
 
 

@@ -92,7 +92,9 @@ def read(path: Path) -> RoadModel:
             with pycrg.DataSet.open(str(path)) as data:
                 grid = data.grid()
     except (pycrg.OpenCRGError, ValueError, OSError) as error:
-        raise LogReadError(f"{path}: not read as OpenCRG: {error}") from error
+        why = str(error).replace(f"Failed to load CRG file: '{path}'", "").strip(" ()")
+        why = why.replace(str(path), path.name)
+        raise LogReadError(f"{path}: not read as OpenCRG: {why}") from error
     if len(grid.u) < 3:
         raise LogReadError(f"{path}: a grid of {len(grid.u)} cross sections is no road")
     u, x, y, z, across = _coarsened(np.stack([grid.u, grid.x, grid.y, *_middle(path, grid)]))

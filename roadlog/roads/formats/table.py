@@ -101,7 +101,8 @@ def _parquet(path: Path) -> dict[str, Floats]:
         table = parquet.read_table(path)
         return {name: table[name].to_numpy().astype(np.float64) for name in table.column_names}
     except (pa.ArrowException, OSError, ValueError, TypeError) as error:
-        raise LogReadError(f"{path}: no road table: {error}") from error
+        why = str(error).replace(str(path), path.name)
+        raise LogReadError(f"{path}: no road table: {why}") from error
 
 
 def _csv(path: Path) -> dict[str, Floats]:
@@ -112,7 +113,8 @@ def _csv(path: Path) -> dict[str, Floats]:
             raise LogReadError(f"{path}: no road table: it has no rows")
         values = np.loadtxt(rows, delimiter=",", ndmin=2)
     except (OSError, ValueError) as error:
-        raise LogReadError(f"{path}: no road table: {error}") from error
+        why = str(error).partition("; use `usecols`")[0]
+        raise LogReadError(f"{path}: no road table: {why}") from error
     if values.shape[1] != len(names):
         raise LogReadError(f"{path}: {len(names)} headings over {values.shape[1]} columns")
     return dict(zip(names, values.T, strict=True))
