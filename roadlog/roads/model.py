@@ -13,6 +13,7 @@ from roadlog.geo import TransverseMercator
 from roadlog.types import Floats
 
 MAX_TURN = np.radians(60.0)  # rad between a car's heading and the road's, either way
+ACROSS = 20.0  # m, that a road crossed at a right angle counts as further away
 SOMEWHERE = (47.0, 11.0)  # deg, of a road that does not say where it is
 UNKNOWN_DATUM = "as the receivers gave it; no datum was converted"
 
@@ -173,7 +174,8 @@ class RoadModel:
         """Station m, offset m (left of the line +) and turn rad of places in the road's plane.
 
         turn: heading minus the road's own, in (-pi, pi]. The nearest point whose heading is the
-        car's, either way: legs of a hairpin lie near each other. NaN farther than `reach`.
+        car's, either way: legs of a hairpin lie near each other, and a road may cross itself, where
+        a heading that is off counts as a distance. NaN farther than `reach`.
         """
         from scipy.spatial import cKDTree
 
@@ -191,7 +193,7 @@ class RoadModel:
         index = np.where(there, index, 0)
         turned = _wrapped(heading[known][:, None] - self.heading[index])
         there &= np.abs(np.sin(turned)) < np.sin(MAX_TURN)
-        away[~there] = np.inf
+        away = np.where(there, away + ACROSS * np.abs(np.sin(turned)), np.inf)
         best = away.argmin(axis=1)
         rows = np.arange(len(best))
         found = np.isfinite(away[rows, best])

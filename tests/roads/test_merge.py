@@ -87,6 +87,23 @@ def test_lanes_with_a_crown_leave_the_mounting_open(road: RoadModel) -> None:
     assert abs(np.degrees(errors(found, road)["bank"].mean())) < 0.03
 
 
+def test_places_at_a_crossing_are_on_the_leg_that_is_driven() -> None:
+    """A loop whose legs cross at 60 deg: the other leg is nearer, the own one has the heading."""
+    turn = np.linspace(0.0, np.radians(300), 260)
+    x = np.concatenate([np.arange(-300.0, 0.0, 2.0), 100 * np.sin(turn)])
+    y = np.concatenate([np.zeros(150), 100 * (1 - np.cos(turn))])
+    away = np.arange(2.0, 300.0, 2.0)
+    x = np.concatenate([x, x[-1] + away * np.cos(turn[-1])])
+    y = np.concatenate([y, y[-1] + away * np.sin(turn[-1])])
+    line = road_of("loop", HOME, x, y, np.zeros(len(x)), bank=np.zeros(len(x)))
+    for lane in (-3.0, 3.0):
+        own_x = line.x - lane * np.sin(line.heading)
+        own_y = line.y + lane * np.cos(line.heading)
+        station, _, turned = line.locate(own_x, own_y, line.heading, 10.0)
+        np.testing.assert_allclose(station[5:-5], line.s[5:-5], atol=0.5)
+        assert np.abs(turned[5:-5]).max() < 0.05
+
+
 def test_a_drive_counts_once_at_a_crossing() -> None:
     """A road that crosses itself: a loop like a clover leaf's."""
     turn = np.linspace(0.0, 1.5 * np.pi, 95)
