@@ -12,40 +12,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from support.mountain_road import driven, errors, mountain_road
+from support.mountain_road import drive_over, driven, errors, mountain_road
 
-from roadlog import estimators
-from roadlog.drive import Drive
 from roadlog.roads.merge import roads
 from roadlog.roads.model import RoadModel
-from roadlog.roads.passes import Pass, pass_of
-from roadlog.simulate import simulate
+from roadlog.roads.passes import Pass
 
-RECEIVER = {
-    "gnss.rate": 5.0,
-    "gnss.two_antennas": False,
-    "gnss.horizontal_noise": 1.0,
-    "gnss.vertical_noise": 2.0,
-}
-MOUNTING_SD = 0.5  # deg, of other cars' IMUs
 PAIRS = 10  # of drives each way
 ONE_WAY = 20
-
-
-def drive_over(road: RoadModel, seed: int, forward: bool, car: int = 0) -> Pass:
-    """One simulated drive as `fusion` sees it. car 0: IMU 0.2 deg off in roll, 0.15 in pitch."""
-    chosen: dict[str, object] = dict(RECEIVER)
-    if car:
-        off = np.random.default_rng(1000 + car).normal(0, MOUNTING_SD, 3)
-        chosen["imu.misalignment_deg"] = tuple(float(angle) for angle in off)
-    way = road if forward else road.reversed()
-    made = simulate("mountain", road=way, seed=seed, overrides=chosen)
-    drive = Drive.from_tables(made.tables)
-    estimate = estimators.run("fusion", drive, made.vehicle)
-    vehicle = made.vehicle.with_values(name=f"car {car}")
-    own = pass_of(drive, estimate, vehicle, f"{seed}-{forward}-{car}")
-    assert own is not None
-    return own
 
 
 def rms(values: np.ndarray) -> float:

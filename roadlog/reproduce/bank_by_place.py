@@ -1,20 +1,26 @@
 """Ryu's Fig 6: the bank by place on a circle, by laps and by a static crawl, in both directions.
 
 The same circle is driven to the left and to the right over the same surface, four laps at 9.5 m/s
-and one at walking speed, where the body hardly leans. docs/methods/ryu2004.md.
+and one at walking speed, where the body hardly leans. Place by place in bins of the way around, and
+as `roadlog road` merges the laps of both directions. docs/methods/ryu2004.md.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from roadlog import estimators
 from roadlog.drive import Drive
+from roadlog.geo import TransverseMercator
 from roadlog.reproduce import Claim, ResultTable, over, over_seeds, rms
+from roadlog.roads.merge import roads
+from roadlog.roads.passes import STEP, Pass
 from roadlog.signals import TRUTH_TOPIC, truth_topic
 from roadlog.simulate import simulate
+from roadlog.simulate.motion import HOME
 from roadlog.simulate.profiles import Knots
 from roadlog.simulate.scenario import Scenario
 from roadlog.simulate.scenarios import SCENARIOS
@@ -25,16 +31,21 @@ RADIUS, ENTRY, RAMP = 30.0, 57.5, 30.0  # m, of `ryu2004-laps`: where the curve 
 BINS = 72  # of a lap, 5 deg each
 TURN = 2 * np.pi
 CRAWL, CRAWL_TIME = 2.0, 145.0  # m/s, s: to the circle and once around
+SD = np.radians(0.5)  # that the merging is told; the observer states none
 SAME = 0.25  # of the bank itself: what "the same" means
 DIRECTIONS = ("left", "right")
 
 
 @dataclass(frozen=True)
 class BankPlaces:
-    """rad, of the bank as seen by a car that turns left: laps (k, BINS), their truth (BINS,)."""
+    """rad, of the bank as seen by a car that turns left: laps (k, BINS), their truth (BINS,).
+
+    driven: the same drive for `roads`, on the surface that both directions share.
+    """
 
     laps: Floats
     truth: Floats
+    driven: Pass
 
     @property
     def mean(self) -> Floats:
@@ -85,10 +96,40 @@ def places(direction: str, crawl: bool, seed: int) -> BankPlaces:
     on = s >= ENTRY + RAMP
     around = sign * (angle - angle[on][0])
     place = angle if direction == "left" else -angle
-    return _by_place(sign * bank[on], sign * true[on], np.abs(around[on]), place[on])
+    laps, truth = _by_place(sign * bank[on], sign * true[on], np.abs(around[on]), place[on])
+    north = 0.0 if direction == "left" else 2 * middle[1]
+    name = f"{direction}{' crawl' if crawl else ''}"
+    return BankPlaces(laps, truth, _pass(name, x[on], y[on] + north, s[on], bank[on]))
 
 
-def _by_place(bank: Floats, true: Floats, around: Floats, place: Floats) -> BankPlaces:
+def _pass(name: str, x: Floats, y: Floats, s: Floats, bank: Floats) -> Pass:
+    """The observer's bank along the true way; it gives no grade, and the circle has little."""
+    at = np.arange(s[0], s[-1], STEP)
+    known = np.isfinite(bank)
+    east, north = np.interp(at, s, x), np.interp(at, s, y)
+    course = np.unwrap(np.arctan2(np.gradient(north), np.gradient(east)))
+    latitude, longitude = TransverseMercator(*HOME[:2]).inverse(east, north)
+    full = np.ones(len(at))
+    return Pass(
+        name=name, car="car", estimator="roll_bank_obs", distance=at - at[0], latitude=latitude,
+        longitude=longitude, altitude=HOME[2] * full, course=course, heading=course,
+        grade=0 * full, bank=np.interp(at, s[known], bank[known]), grade_sd=SD * full,
+        bank_sd=SD * full, grade_shape_sd=SD / 2 * full, bank_shape_sd=SD / 2 * full,
+    )  # fmt: skip
+
+
+def merged(runs: Sequence[BankPlaces]) -> Floats:
+    """rad, bank as a car that turns left sees it, by place (BINS,): the road of some runs."""
+    model = max(roads([run.driven for run in runs]), key=lambda m: m.length)
+    x, y = TransverseMercator(*HOME[:2]).forward(*model.positions)
+    middle = center()
+    angle = np.unwrap(np.arctan2(y - middle[1], x - middle[0]))
+    left = float(np.sign(angle[-1] - angle[0]))  # a road that runs to the right banks the other way
+    slots = (np.arange(BINS) + 0.5) * TURN / BINS
+    return left * np.interp(slots, angle, model.bank, period=TURN)
+
+
+def _by_place(bank: Floats, true: Floats, around: Floats, place: Floats) -> tuple[Floats, Floats]:
     lap = np.floor(around / TURN).astype(int)
     slot = np.floor(place % TURN / TURN * BINS).astype(int) % BINS
     whole = [k for k in np.unique(lap) if len(np.unique(slot[lap == k])) == BINS]
@@ -102,7 +143,7 @@ def _by_place(bank: Floats, true: Floats, around: Floats, place: Floats) -> Bank
             rows.append(np.bincount(slot[use], values[use], BINS) / np.where(count, count, np.nan))
         return np.array(rows)
 
-    return BankPlaces(profiles(np.nan_to_num(bank)), profiles(true).mean(axis=0))
+    return profiles(np.nan_to_num(bank)), profiles(true).mean(axis=0)
 
 
 def compared(seed: int) -> dict[str, float]:
@@ -122,6 +163,12 @@ def compared(seed: int) -> dict[str, float]:
         "laps of both directions, against the crawl": both - still,
         "laps of both directions, against the truth": both - truth,
         "crawl of both directions, against the truth": still - truth,
+        "merged as a road, laps of both directions, against the truth": merged(list(laps.values()))
+        - truth,
+        "merged as a road, crawl of both directions, against the truth": merged(
+            list(crawl.values())
+        )
+        - truth,
         "the bank itself": truth,
     }
     return {name: rms(np.degrees(error)) for name, error in rows.items()}
