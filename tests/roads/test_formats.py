@@ -75,6 +75,32 @@ def test_another_reader_finds_the_road_in_an_xodr(road: RoadModel, tmp_path: Pat
     assert np.abs(np.asarray(theirs.z_coordinates) - fine.at(station).z)[1:-1].max() < 0.003
 
 
+def test_netconvert_finds_the_road_in_an_xodr(road: RoadModel, tmp_path: Path) -> None:
+    """SUMO's own reader (`pip install eclipse-sumo`): line and elevation, no superelevation."""
+    import shutil
+    import subprocess
+    import xml.etree.ElementTree as ET
+
+    program = shutil.which("netconvert")
+    if program is None:
+        pytest.skip("no netconvert (eclipse-sumo)")
+    formats.write(road, tmp_path / "road.xodr")
+    wanted = ("--opendrive.curve-resolution", "1", "--precision", "6")
+    wanted += ("--offset.disable-normalization", "true")
+    command = [program, "--opendrive-files", "road.xodr", "-o", "net.xml", *wanted]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    edges = [e for e in ET.parse(tmp_path / "net.xml").iter("edge") if e.get("shape")]
+    fine = road.refined(0.25)
+    for edge in edges:
+        points = [point.split(",") for point in str(edge.get("shape")).split()]
+        x, y, z = np.array(points, np.float64).T
+        heading = np.arctan2(np.gradient(y), np.gradient(x))
+        station, offset, _ = fine.locate(x, y, heading, 2.0)
+        assert np.abs(offset).max() < 0.005
+        assert np.abs(z - fine.at(station).z)[1:-1].max() < 0.003
+    assert edges
+
+
 @pytest.mark.needs_schema
 def test_the_schema_of_opendrive_finds_no_fault(road: RoadModel, tmp_path: Path) -> None:
     """ASAM's schema of 1.8 is not ours to ship; `.ci/run` fetches it."""
