@@ -23,6 +23,7 @@ from roadlog import files
 from roadlog.errors import LogReadError, LogWriteError
 from roadlog.storage import records
 from roadlog.storage.container import COPY_SIZE, ByteSource, crc_of
+from roadlog.storage.lock import is_held
 from roadlog.storage.records import Damage
 
 if TYPE_CHECKING:
@@ -193,7 +194,8 @@ class _Guarded(io.RawIOBase):
         self.check()
         reach = self.at + memoryview(data).nbytes
         if self.journal is not None and reach > self.end:
-            os.pwrite(self.journal, _reach(reach), HEAD_SIZE - _REACH.size)
+            os.lseek(self.journal, HEAD_SIZE - _REACH.size, os.SEEK_SET)
+            os.write(self.journal, _reach(reach))
         os.lseek(self.handle, self.at, os.SEEK_SET)
         count = os.write(self.handle, data)
         self.at += count
@@ -276,7 +278,7 @@ def recover(log: Path, *, only_look: bool = False) -> ByteSource:
 
 def _proven(log: Path, source: ByteSource, kept: ByteSource) -> _Journal | None:
     """The journal of a log if it is one; None if the change ended just now. Raises LogReadError."""
-    if not files.lock(kept.handle):
+    if not files.lock(kept.handle) or is_held(log):
         raise LogReadError(f"{log}: is being changed by another process; try again later")
     if not kept.is_there():
         return None

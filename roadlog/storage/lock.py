@@ -63,7 +63,7 @@ def _beside(path: Path) -> Iterator[None]:
 
     if not path.exists():
         raise LogWriteError(f"{path}: cannot be opened: No such file or directory")
-    name = path.with_name(f".{path.name}.lock")
+    name = _name_beside(path)
     beside = FileLock(name)
     try:
         try:
@@ -83,6 +83,29 @@ def _beside(path: Path) -> Iterator[None]:
         beside.release()
         with suppress(OSError):  # who waits for it has it open, and keeps it
             name.unlink()
+
+
+def is_held(path: Path) -> bool:
+    """Whether somebody writes to the log, where only the file beside it tells."""
+    if fcntl is not None:
+        return False  # its own lock tells
+    from filelock import FileLock, Timeout
+
+    name = _name_beside(path)
+    try:
+        with FileLock(name).acquire(timeout=0):
+            pass
+    except Timeout:
+        return True
+    except OSError:  # a folder that may not be written to
+        return False
+    with suppress(OSError):
+        name.unlink()
+    return False
+
+
+def _name_beside(path: Path) -> Path:
+    return path.with_name(f".{path.name}.lock")
 
 
 def _say_waiting(path: Path, seconds: float) -> None:

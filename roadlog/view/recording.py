@@ -22,7 +22,8 @@ from roadlog.view.stops import TITLE, StopPicture
 from roadlog.view.streams import rgba, send_stream, write_stream
 from roadlog.view.track import MapTrack
 
-TRUTH_WIDTH, WIDTH_2D = 3.0, 2.0  # screen points
+TRUTH_WIDTH, WIDTH_2D = 4.0, 2.0  # screen points
+SHEER = 0x60  # opacity of the truth: some renderers draw it over the estimates
 CURVE_WIDTH = 1.5
 
 
@@ -124,7 +125,7 @@ def grouped(curves: Mapping[str, Curve], shown: Sequence[str]) -> dict[str, dict
 
 
 def _truth(recording: rr.RecordingStream, entity: str, name: str, curve: Curve) -> None:
-    style = rr.SeriesLines(names=[name], colors=rgba([colors.TRUTH]), widths=[TRUTH_WIDTH])
+    style = rr.SeriesLines(names=[name], colors=[colors.TRUTH << 8 | SHEER], widths=[TRUTH_WIDTH])
     recording.log(entity, style, static=True)
     columns = rr.Scalars.columns(scalars=_fine(curve.values))
     recording.send_columns(entity, _times(curve.time, curve.distance), columns)

@@ -159,6 +159,7 @@ def cluster(start: Start, folder: Path) -> Iterator[tuple[str, list[subprocess.P
             process.communicate()
 
 
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="groups of processes to kill")
 def test_cluster_loses_a_worker(start: Start, tmp_path: Path) -> None:
     """The same folder on dask; one of the two workers is killed on the way, with its nanny."""
     pytest.importorskip("distributed", reason="dask is not installed")

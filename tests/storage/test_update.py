@@ -22,6 +22,7 @@ from roadlog.errors import LogReadError
 from roadlog.storage import LogReader, journal, schemas, update_log, write_log
 from roadlog.storage.container import ByteSource, crc_of
 from roadlog.storage.crc import before
+from roadlog.storage.lock import exclusive
 
 
 def check_with_the_reference(path: Path) -> int:
@@ -185,6 +186,7 @@ def test_a_log_that_is_being_changed_is_not_touched(log: Path) -> None:
     old = log.read_bytes()
     with (
         LogReader(log) as reader,
+        exclusive(log),
         journal.changing(log, reader.source, 1000),
         pytest.raises(LogReadError, match="is being changed by another process"),
     ):

@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any
 
 # these go by the system's name, not by what there is: before; O_NONBLOCK and user ids stay for them
-PEERS = ("filelock", "platformdirs", "psutil")
+PEERS = ("filelock", "locket", "platformdirs", "psutil")
 MODULES = ("fcntl", "pwd", "grp", "resource", "termios", "pty", "tty")
 CALLS = {
-    os: """fork forkpty fchmod fchown sync getpgid setsid killpg statvfs
+    os: """fork forkpty fchmod fchown sync getpgid setsid killpg statvfs pwrite pread
     copy_file_range posix_fadvise O_NOFOLLOW O_DIRECTORY""",
     signal: "SIGALRM setitimer pthread_sigmask SIGHUP",
     mmap: "MADV_DONTNEED PROT_READ MAP_SHARED MAP_PRIVATE",

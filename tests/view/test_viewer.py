@@ -29,6 +29,7 @@ from roadlog.view.recording import send_recording, write_recording
 
 NO_DRIVER = "needs_viewer: no Vulkan driver (mesa-vulkan-drivers has one)"
 CURSOR = 10.0  # s
+TAB_BAR = slice(36, 64)  # rows of the page
 TABS = ["Angles", "Totals", "Errors", "Inputs", "Scene", "Map", "Windows", "Summary"]
 
 
@@ -137,6 +138,7 @@ def test_web_viewer_listens_on_loopback_only_and_ends_with_ctrl_c(log: DriveLog)
 @pytest.mark.slow
 @pytest.mark.needs_browser
 def test_web_viewer_shows_the_drive_in_a_browser(log: DriveLog) -> None:
+    """The tabs by their names, read from the pixels: Rerun draws all of its page on one canvas."""
     software = "--use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader"
     options = browsers.options("--ignore-gpu-blocklist", *software.split())
     options.add_argument("--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1")
@@ -148,7 +150,11 @@ def test_web_viewer_shows_the_drive_in_a_browser(log: DriveLog) -> None:
             time.sleep(1.0)
             rgb = imread(io.BytesIO(browser.get_screenshot_as_png()))[..., :3]
             colored = float((np.ptp(rgb, axis=-1) > 0.25).mean())
+        time.sleep(2.0)
+        rgb = imread(io.BytesIO(browser.get_screenshot_as_png()))[..., :3]
     assert colored > 0.01  # the curves, not the gray page that waits for data
+    read = browsers.letters(rgb[TAB_BAR])
+    assert [tab for tab in TABS if browsers.alike(tab) not in read] == []
 
 
 @pytest.mark.needs_viewer
