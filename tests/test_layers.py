@@ -76,13 +76,12 @@ MODULES = modules()
 TREES = {name: ast.parse(path.read_bytes()) for name, path in MODULES.items()}
 
 
-def imports(name: str, top: bool) -> Iterator[str]:
-    """Modules of roadlog that run when a module does; `top`: when it is itself imported.
+def imports(name: str) -> Iterator[str]:
+    """Modules of roadlog that a module imports, at its top or inside a function.
 
     A name that is only in an annotation (`TYPE_CHECKING`) runs nothing.
     """
-    body = list(_run_on_import(TREES[name]))
-    for node in body if top else [inner for part in body for inner in ast.walk(part)]:
+    for node in [inner for part in _run_on_import(TREES[name]) for inner in ast.walk(part)]:
         if isinstance(node, ast.Import):
             yield from (_module(alias.name) for alias in node.names if _is_own(alias.name))
         elif isinstance(node, ast.ImportFrom) and _is_own(node.module or ""):
@@ -120,20 +119,20 @@ def test_nothing_lower_imports_higher(name: str) -> None:
     own, room = rank(name), name.split(".")[0]
     higher = [
         used
-        for used in imports(name, top=False)
+        for used in imports(name)
         if used != "roadlog" and used.split(".")[0] != room and rank(used) >= own
     ]
     assert not higher
 
 
 def test_no_circle() -> None:
-    """Importing any module never comes back to it."""
+    """Importing any module never comes back to it, not even when a function is called."""
     done: set[str] = set()
 
     def visit(name: str, path: tuple[str, ...]) -> None:
         assert name not in path, " -> ".join((*path, name))
         if name not in done:
-            for used in set(imports(name, top=True)) - {name, "roadlog"}:
+            for used in set(imports(name)) - {name, "roadlog"}:
                 visit(used, (*path, name))
             done.add(name)
 
