@@ -16,8 +16,8 @@ import numpy as np
 from roadlog import estimators
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.outlook import ANGLES, SensorSet
-from roadlog.signals import SECTIONS, TRUTH_TOPIC
+from roadlog.outlook import SensorSet
+from roadlog.signals import SECTIONS, SEPARATED, TRUTH_TOPIC
 from roadlog.simulate import simulate
 from roadlog.storage import Table
 
@@ -60,7 +60,7 @@ def main() -> None:
 def measure(cases: list[SensorSet]) -> None:
     """Print a line of the table for each case; all of them turn, or none."""
     errors: dict[SensorSet, dict[str, list[np.ndarray]]] = {
-        c: {a: [] for a in ANGLES} for c in cases
+        c: {a: [] for a in SEPARATED} for c in cases
     }
     for scenario, seed in DRIVES[cases[0].turns]:
         made = simulate(scenario, seed=seed, full=True)
@@ -70,12 +70,12 @@ def measure(cases: list[SensorSet]) -> None:
             time = (truth.time - drive.start_ns) * 1e-9
             car = made.vehicle if case.springs else Vehicle()
             found = estimators.run("fusion", drive, car)
-            for angle in ANGLES:
+            for angle in SEPARATED:
                 right = np.interp(found.time, time, truth.columns[angle])
                 errors[case][angle].append((found.angles[angle] - right)[found.valid])
     for case, by_angle in errors.items():
         rms = {a: np.degrees(np.sqrt(np.mean(np.concatenate(e) ** 2))) for a, e in by_angle.items()}
-        print(f"    {shown(case)}: ({', '.join(f'{rms[a]:.2f}' for a in ANGLES)}),", flush=True)
+        print(f"    {shown(case)}: ({', '.join(f'{rms[a]:.2f}' for a in SEPARATED)}),", flush=True)
 
 
 def shown(case: SensorSet) -> str:

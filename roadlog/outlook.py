@@ -14,8 +14,8 @@ import numpy as np
 from roadlog.car.suspension import knows_springs
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
+from roadlog.signals import SEPARATED
 
-ANGLES = ("grade", "bank", "pitch", "roll")
 BENDS = np.pi  # rad of turning to either side from which a drive has bends
 WORTH = 0.8  # of the error now, at most: what is worth adding
 
@@ -113,9 +113,9 @@ def outlook(drive: Drive, vehicle: Vehicle, able: Collection[str]) -> list[Outlo
     """For each angle, what to expect of a drive. able: estimators that can run on it."""
     sensors = SensorSet.of(drive, vehicle)
     if "fusion" in able:
-        return [_of_fusion(sensors, k) for k in range(len(ANGLES))]
+        return [_of_fusion(sensors, k) for k in range(len(SEPARATED))]
     found = []
-    for k, angle in enumerate(ANGLES):
+    for k, angle in enumerate(SEPARATED):
         name = next((name for name in OTHERS[angle] if name in able), "")
         better = ACCURACY[_known(sensors)][k]
         found.append(Outlook(angle, name, OTHERS[angle].get(name), WHOLE_IMU, better))
@@ -127,8 +127,8 @@ def _of_fusion(sensors: SensorSet, k: int) -> Outlook:
     ways = [(ACCURACY[_known(more)][k], words) for words, more in sensors.with_more()]
     best, words = min(ways, key=lambda way: way[0], default=(now, ""))
     if best > WORTH * now:
-        return Outlook(ANGLES[k], "fusion", now)
-    return Outlook(ANGLES[k], "fusion", now, words, best)
+        return Outlook(SEPARATED[k], "fusion", now)
+    return Outlook(SEPARATED[k], "fusion", now, words, best)
 
 
 def _known(sensors: SensorSet) -> SensorSet:

@@ -12,7 +12,8 @@ from typing import Literal
 SampleKind = Literal["analog", "hold", "angle", "degrees"]
 
 SLOPES = ("grade", "bank")  # of the road: the angles that are also given in percent
-ANGLES = ("grade", "bank", "pitch", "roll", "inclination", "roll_total")
+SEPARATED = ("grade", "bank", "pitch", "roll")  # road and body; the other two are their sums
+ANGLES = (*SEPARATED, "inclination", "roll_total")
 
 FLAGS = {
     "missing": 1,  # input missing or stale

@@ -12,7 +12,8 @@ from support.drives import hill_tables
 from roadlog import estimators
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.outlook import ACCURACY, ANGLES, SensorSet, _known, outlook
+from roadlog.outlook import ACCURACY, SensorSet, _known, outlook
+from roadlog.signals import SEPARATED
 
 
 @pytest.mark.parametrize("there", product([False, True], repeat=5))
@@ -31,7 +32,7 @@ def test_more_is_no_worse(sensors: SensorSet) -> None:
 def test_a_straight_drive_without_receiver_is_told_what_helps() -> None:
     drive = Drive.from_tables(hill_tables())
     found = {one.angle: one for one in outlook(drive, Vehicle(), ["fusion"])}
-    assert set(found) == set(ANGLES)
+    assert set(found) == set(SEPARATED)
     grade = found["grade"]
     assert grade.estimator == "fusion"
     assert grade.accuracy_deg == ACCURACY[SensorSet()][0]

@@ -15,15 +15,14 @@ from roadlog.errors import EstimatorError
 from roadlog.estimate import Estimate
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
 from roadlog.reproduce import Claim, Reproduction, ResultRow, ResultTable
-from roadlog.signals import FIX_TOPIC, GNSS_TOPIC, IMU_TOPIC, SECTIONS, TRUTH_TOPIC
+from roadlog.signals import FIX_TOPIC, GNSS_TOPIC, IMU_TOPIC, SECTIONS, SEPARATED, TRUTH_TOPIC
 from roadlog.simulate import SCENARIOS, Simulation, simulate
 from roadlog.simulate.sampling import mounting
 from roadlog.storage import Table
 
 SEEDS = (1, 2, 3, 4, 5)
-ANGLES = ("grade", "bank", "pitch", "roll")
 ANTENNAS = ("heading", "roll", "heading_accuracy", "roll_accuracy")
-WHEELS = {"alone": "IMU + wheels", "mounted": "IMU + wheels, mounting known"}
+INPUT_SETS = {"alone": "IMU + wheels", "mounted": "IMU + wheels, mounting known"}
 WHEELED = (IMU_TOPIC, SECTIONS["wheel_speeds"].topic)
 RECEIVER = (GNSS_TOPIC, FIX_TOPIC)
 SMOOTH_SHAPE, ROUGH_SHAPE = 0.06, 0.15  # deg, std of the error of grade
@@ -67,8 +66,8 @@ def fusion(seeds: tuple[int, ...] = SEEDS, names: list[str] | None = None) -> Re
         cases = list(pool.map(_case, names or every, own))
     tables = [
         ResultTable(f"{angle}, {title}", list(_beside(cases, inputs, angle)))
-        for inputs, title in WHEELS.items()
-        for angle in ANGLES
+        for inputs, title in INPUT_SETS.items()
+        for angle in SEPARATED
     ]
     tables += [
         ResultTable("fusion with GNSS", list(_alone(cases, "gnss"))),
@@ -119,7 +118,7 @@ def _run(
             estimate = estimators.run(estimator.name, drive, vehicle)
         except EstimatorError:
             continue  # the drive has not what the method needs, e.g. no stop
-        for angle in ANGLES:
+        for angle in SEPARATED:
             errors = angle_errors(estimate, truth, angle)
             if errors is None:
                 continue
@@ -157,14 +156,14 @@ def _beside(cases: list[ScenarioRuns], inputs: str, angle: str) -> Iterator[Resu
 
 def _alone(cases: list[ScenarioRuns], inputs: str) -> Iterator[ResultRow]:
     for case in cases:
-        for angle in ANGLES:
+        for angle in SEPARATED:
             now = _mean(getattr(case, inputs), "fusion", angle, "rmse_deg")
             yield ResultRow(f"{case.name}, {angle}", "", "rmse", "deg", None, now)
 
 
 def _honesty(cases: list[ScenarioRuns]) -> Iterator[ResultRow]:
     for case in cases:
-        for angle in ANGLES:
+        for angle in SEPARATED:
             for metric in ("within_2sd", "nees"):
                 now = _mean(case.antennas, "fusion", angle, metric)
                 yield ResultRow(f"{case.name}, {angle}", "", metric, "-", None, now)
@@ -172,11 +171,11 @@ def _honesty(cases: list[ScenarioRuns]) -> Iterator[ResultRow]:
 
 def _claims(cases: list[ScenarioRuns]) -> list[Claim]:
     goals = []
-    for inputs, title in WHEELS.items():
+    for inputs, title in INPUT_SETS.items():
         best = [
             (f"{case.name} {angle}", _mean(runs, "fusion", angle, "rmse_deg"), other[1])
             for case in cases
-            for angle in ANGLES
+            for angle in SEPARATED
             if (other := _best_other(runs := getattr(case, inputs), angle)) is not None
         ]
         goals.append(_claim(f"fusion is the best for every angle of every drive, {title}", best))
@@ -206,7 +205,7 @@ def _claims(cases: list[ScenarioRuns]) -> list[Claim]:
         words = {"gnss": "with GNSS", "antennas": "with two antennas"}[inputs]
         goals.append(_claim(f"{' and '.join(angles)} below {limit:g} deg {words}", rows))
     covered = [
-        _mean(case.antennas, "fusion", angle, "within_2sd") for case in cases for angle in ANGLES
+        _mean(case.antennas, "fusion", angle, "within_2sd") for case in cases for angle in SEPARATED
     ]
     within = sum(COVERED[0] <= share <= COVERED[1] for share in covered)
     careless = sum(share < COVERED[0] for share in covered)

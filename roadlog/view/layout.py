@@ -9,6 +9,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from roadlog.signals import SEPARATED
 from roadlog.view.model import DriveView
 from roadlog.view.names import MORE, TIMELINE, path
 from roadlog.view.scene import EXAGGERATION
@@ -17,7 +18,6 @@ from roadlog.view.track import MapTrack
 
 # the viewer's constant for the time axis that linked plots share (Rerun 0.41, not public)
 _SHARED_AXIS = "view/5c0dca6a-e63f-9cf7-f657-2602590474cc/TimeAxis"
-_GRID = ("grade", "bank", "pitch", "roll")
 _TOTALS = ("inclination", "roll_total")
 _EVERYTHING = ("$origin/**",)
 _AROUND = (20.0, 10.0)  # s before and after the cursor in the plots beside the scene
@@ -50,7 +50,7 @@ def layout(view: DriveView) -> rrb.Blueprint:
 
 
 def _angles(view: DriveView) -> Any:
-    shown = [angle for angle in _GRID if angle in view.ranges]
+    shown = [angle for angle in SEPARATED if angle in view.ranges]
     if not shown:
         return None
     plots = [_angle_plot(view, angle) for angle in shown]
@@ -74,7 +74,7 @@ def _totals(view: DriveView) -> Any:
 def _errors(view: DriveView) -> Any:
     rows = []
     for angle in view.errors:
-        if angle not in _TOTALS or len(view.errors) <= len(_GRID):
+        if angle not in _TOTALS or len(view.errors) <= len(SEPARATED):
             histogram = rrb.BarChartView(
                 name=f"{angle} error [°], % of samples",
                 origin=path("histograms", angle),

@@ -12,7 +12,7 @@ from roadlog.errors import ConfigError
 from roadlog.estimate import Estimate
 from roadlog.log import DriveLog
 from roadlog.metrics import AngleErrors, angle_errors
-from roadlog.signals import ANGLES, SLOPES
+from roadlog.signals import ANGLES, SLOPES, WHEELS
 from roadlog.types import Floats
 from roadlog.view.colors import ordered
 from roadlog.view.curves import Curve, on_clock
@@ -88,15 +88,14 @@ class DriveView:
         return self.slope if angle in SLOPES else "°"
 
 
-_WHEELS = ("fl", "fr", "rl", "rr")
 _INPUTS = {
     "specific force": ("m/s²", ("imu.accel_x", "imu.accel_y", "imu.accel_z")),
     "angular rate": ("°/s", ("imu.gyro_x", "imu.gyro_y", "imu.gyro_z")),
-    "speed": ("m/s", ("speed.v", *(f"wheel_speeds.{w}" for w in _WHEELS), "gnss.speed")),
+    "speed": ("m/s", ("speed.v", *(f"wheel_speeds.{w}" for w in WHEELS), "gnss.speed")),
     "road wheel angle": ("°", ("steering.road_wheel_angle",)),
     "wheel torque": (
         "N m",
-        tuple(f"wheel_torques.{kind}_{w}" for kind in ("drive", "brake") for w in _WHEELS),
+        tuple(f"wheel_torques.{kind}_{w}" for kind in ("drive", "brake") for w in WHEELS),
     ),
     "engine torque": ("N m", ("powertrain.engine_torque",)),
     "drive force": ("N", ("powertrain.drive_force",)),

@@ -25,7 +25,6 @@ from roadlog.view.colors import TRUTH, colors
 
 ENDINGS = {"foxglove": ".foxglove.json", "plotjuggler": ".plotjuggler.xml", "rerun": ".rbl"}
 TO_DEGREES = 57.29577951308232
-SHOWN = ("grade", "bank", "pitch", "roll")  # one plot each
 FIXES = ("foxglove.LocationFix", "sensor_msgs/msg/NavSatFix", "sensor_msgs/NavSatFix")
 
 
@@ -52,7 +51,7 @@ def _curves(log: DriveLog) -> Curves:
         sources = {"truth": (TRUTH_TOPIC, truth), **sources}
     return {
         angle: {name: topic for name, (topic, track) in sources.items() if angle in track.angles}
-        for angle in (*SHOWN, *(angle for angle in ANGLES if angle not in SHOWN))
+        for angle in ANGLES
     }
 
 

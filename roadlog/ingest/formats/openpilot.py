@@ -26,11 +26,11 @@ from roadlog.ingest.formats.parsers import guarded
 from roadlog.ingest.formats.pocket import frame
 from roadlog.ingest.frame import Frame, Recording
 from roadlog.ingest.profile import Profile
+from roadlog.signals import WHEELS
 
 NAMES = ("rlog", "qlog")
 ZSTD, BZIP2 = b"\x28\xb5\x2f\xfd", b"BZh"
 MAX_SIZE = 1 << 31  # bytes of a segment of a minute when unpacked
-WHEELS = ("fl", "fr", "rl", "rr")
 LOCATION = {
     "latitude": "latitude",
     "longitude": "longitude",
