@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.drive import runs
+from roadlog.geo import EARTH_RADIUS
 from roadlog.roads.passes import STEP, Pass
 from roadlog.types import Bools, Floats
 
-EARTH = 6_371_008.8  # m, mean radius (IUGG); distances of some meters only
 REACH = 15.0  # m across the road: its lanes, and the errors of two positions
 REACH_BACK = 10.0  # m, against the direction: the legs of a hairpin are nearer than 2 REACH
 PARALLEL = np.radians(40.0)  # rad between the ways of passes over one road
@@ -262,7 +262,9 @@ def _bridged(
 def _xyz(latitude: Floats, longitude: Floats) -> Floats:
     """m, on a sphere about the earth's centre: places anywhere can be compared."""
     a, b = np.radians(latitude), np.radians(longitude)
-    return EARTH * np.stack([np.cos(a) * np.cos(b), np.cos(a) * np.sin(b), np.sin(a)], axis=1)
+    return EARTH_RADIUS * np.stack(
+        [np.cos(a) * np.cos(b), np.cos(a) * np.sin(b), np.sin(a)], axis=1
+    )
 
 
 def joined(found: list[Stretch], passes: Sequence[Pass]) -> list[Stretch]:

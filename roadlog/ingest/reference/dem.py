@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from roadlog.errors import LogReadError, MissingExtraError
-from roadlog.geo import TransverseMercator
+from roadlog.geo import EARTH_RADIUS, TransverseMercator
 from roadlog.ingest.reference import gnss
 from roadlog.ingest.reference.road import DriveFixes, fixes_of
 from roadlog.storage import Table
@@ -238,7 +238,7 @@ def _projected(crs: Any, latitude: Floats, longitude: Floats) -> tuple[Floats, F
 def _cell(crs: Any, res: tuple[float, float], latitude: float) -> float:
     """m, the larger side of a cell."""
     if crs is not None and crs.is_geographic:
-        meter = np.radians(1.0) * 6_371_008.8
+        meter = np.radians(1.0) * EARTH_RADIUS
         return float(max(res[1] * meter, res[0] * meter * np.cos(np.radians(latitude))))
     factor = crs.linear_units_factor[1] if crs is not None and crs.is_projected else 1.0
     return float(max(res)) * factor
