@@ -20,7 +20,6 @@ from roadlog.verify import verify
 
 pytest.importorskip("mcap_protobuf")
 SAMPLES = sorted((ROOT / "sample_logs").glob("*.mcap"))
-CONFORMANCE = ROOT.parent / "shared" / "data" / "mcap_conformance"
 
 
 @pytest.mark.parametrize("log", SAMPLES[:1], ids=lambda log: log.name)
@@ -34,6 +33,12 @@ def test_a_sample_log(log: Path) -> None:
 @pytest.mark.parametrize("log", SAMPLES[1:], ids=lambda log: log.name)
 def test_every_sample_log(log: Path) -> None:
     assert not verify(log).differences
+
+
+def test_the_conformance_set_of_the_mcap_project(shared: Path) -> None:
+    logs = sorted((shared / "mcap_conformance").rglob("*.mcap"))
+    assert len(logs) == 416
+    assert [log.name for log in logs if verify(log).differences] == []
 
 
 def test_a_log_with_results(hill_log: Path) -> None:
