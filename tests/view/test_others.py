@@ -38,6 +38,72 @@ def leaves(tree: object) -> list[str]:
     return leaves(tree["first"]) + leaves(tree["second"])
 
 
+# keys of panels in the open sources of Foxglove Studio and Lichtblick: defaultLayout.ts and the
+# types of each panel (PlotConfig, StateTransitionConfig, RendererConfig, Config of Map)
+TITLES = {"foxglovePanelTitle", "lichtblickPanelTitle"}
+PUBLISHED = {
+    "Plot": TITLES | {
+        "paths", "showXAxisLabels", "showYAxisLabels", "showLegend", "legendDisplay",
+        "showPlotValuesInLegend", "isSynced", "xAxisVal", "sidebarDimension", "minYValue",
+        "maxYValue", "followingViewWidth", "xAxisPath",
+    },
+    "StateTransitions": TITLES | {
+        "paths", "isSynced", "xAxisMaxValue", "xAxisMinValue", "xAxisRange", "showPoints",
+    },
+    "3D": TITLES | {
+        "cameraState", "followMode", "followTf", "scene", "transforms", "topics", "layers",
+        "publish", "imageMode",
+    },
+    "map": {
+        "customTileUrl", "disabledTopics", "layer", "zoomLevel", "followTopic", "topicColors",
+        "maxNativeZoom",
+    },
+}  # fmt: skip
+PATH = {"value", "label", "enabled", "timestampMethod", "color", "showLine", "lineSize"}
+GRID = {
+    "visible", "frameLocked", "label", "instanceId", "layerId", "frameId", "size", "divisions",
+    "lineWidth", "color", "position", "rotation", "order",
+}  # fmt: skip
+
+
+def test_foxgloves_panels_have_the_keys_that_its_source_knows(log):
+    made = json.loads(layout(log, "foxglove", ".foxglove.json"))
+    kinds = {name.partition("!")[0] for name in made["configById"]}
+    assert kinds == {"Plot", "StateTransitions", "3D"}
+    for name, panel in made["configById"].items():
+        assert set(panel) <= PUBLISHED[name.partition("!")[0]]
+        assert all(set(path) <= PATH for path in panel.get("paths", ()))
+        assert all(set(layer) <= GRID for layer in panel.get("layers", {}).values())
+
+
+# what plotjuggler_app's xmlLoadState reads of each element (plot_docker.cpp, tabbedplotwidget.cpp,
+# plotwidget.cpp, transforms/lua_custom_function.cpp)
+PLOTJUGGLER = {
+    "root": set(),
+    "tabbed_widget": {"parent", "name"},
+    "Tab": {"containers", "tab_name"},
+    "Container": set(),
+    "DockSplitter": {"orientation", "count", "sizes"},
+    "DockArea": {"name"},
+    "plot": {"style", "mode", "flip_x", "flip_y"},
+    "limitY": {"min", "max"},
+    "curve": {"name", "color"},
+    "currentTabIndex": {"index"},
+    "use_relative_time_offset": {"enabled"},
+    "customMathEquations": set(),
+    "snippet": {"name"},
+    "global": set(),
+    "function": set(),
+    "linked_source": set(),
+}
+
+
+def test_plotjugglers_elements_are_those_that_its_source_reads(log):
+    root = ElementTree.fromstring(layout(log, "plotjuggler", ".plotjuggler.xml"))
+    for element in root.iter():
+        assert set(element.attrib) <= PLOTJUGGLER[element.tag]
+
+
 def test_foxglove(log):
     made = json.loads(layout(log, "foxglove", ".foxglove.json"))
     assert set(made) == {"configById", "globalVariables", "userNodes", "playbackConfig", "layout"}
