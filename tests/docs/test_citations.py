@@ -42,13 +42,15 @@ HERE = Path(__file__)
 
 
 def words(path: Path) -> Iterator[tuple[int, str]]:
-    """Lines of comments and texts, with their numbers."""
+    """Lines of comments and texts, and names, with their numbers."""
     with tokenize.open(path) as file:
         tokens = tokenize.generate_tokens(io.StringIO(file.read()).readline)
         for token in tokens:
             if token.type in (tokenize.COMMENT, tokenize.STRING):
                 for k, line in enumerate(token.string.splitlines()):
                     yield token.start[0] + k, line.strip()
+            elif token.type == tokenize.NAME and "_" in token.string:
+                yield token.start[0], token.string.replace("_", " ")
 
 
 @cache

@@ -136,7 +136,7 @@ def test_long_gap_in_the_speed_gives_nothing_then_starts_again(straight: PlanarT
         ({"wheel_radius": 1.01 * 0.3165}, -0.10, 0.05),
     ],
 )
-def test_wrong_parameters_cost_what_the_chapter_says(
+def test_wrong_parameters_cost_what_the_page_says(
     straight: PlanarTruth, change: dict[str, float], low: float, high: float
 ) -> None:
     """Rolling resistance +20 % gives -0.22 % of grade, drag -10 % gives +0.02 %."""

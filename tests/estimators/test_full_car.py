@@ -270,7 +270,7 @@ def test_t28_a_single_antenna_needs_the_yaw_rates_share(monkeypatch) -> None:
         ("roll_gradient", 1e-6, 0.03),
     ],
 )
-def test_wrong_parameters_cost_what_section_2_says(
+def test_wrong_parameters_cost_what_the_page_says(
     parameter: str, factor: float, limit: float
 ) -> None:
     """s3b, ideal signals: by how much the mean absolute error or the bias of the grade grows."""

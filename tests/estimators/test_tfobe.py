@@ -144,6 +144,6 @@ def test_says_what_is_missing(corner: PlanarTruth) -> None:
         estimators.run("tfobe", dataclasses.replace(corner.drive, signals=signals), WAGON)
 
 
-def test_goes_by_the_chapters_names() -> None:
+def test_goes_by_its_other_names() -> None:
     for name in ("tire_ukf", "tyre_ukf", "grade_ukf"):
         assert estimators.get(name).name == "tfobe"
