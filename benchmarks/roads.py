@@ -29,13 +29,15 @@ def rms(values: np.ndarray) -> float:
 
 def row(label: str, sets: Sequence[Sequence[Pass]], road: RoadModel) -> str:
     """One line of the table: medians and worst over several sets of drives, shares over all."""
-    grade, bank, mean, within = [], [], [], []
+    grade, bank, mean, within, aside, height = [], [], [], [], [], []
     for passes in sets:
         model = max(roads(passes), key=lambda m: m.length)
         off = errors(model, road)
         grade.append(rms(off["grade"]))
         bank.append(rms(off["bank"]))
         mean.append(float(np.degrees(off["bank"].mean())))
+        aside.append(float(np.sqrt(np.mean(off["offset"] ** 2))))
+        height.append(float(np.std(off["z"])))
         sds = [getattr(model, f"{a}_sd")[: len(off[a])] for a in ("grade", "bank")]
         within.append(
             [
@@ -50,6 +52,7 @@ def row(label: str, sets: Sequence[Sequence[Pass]], road: RoadModel) -> str:
         f"{label:24} {len(sets):3} {np.median(grade):6.3f} {max(grade):6.3f} "
         f"{np.median(bank):6.3f} {max(bank):6.3f} {mean[worst]:+7.3f} "
         + " ".join(f"{100 * part:4.0f}" for part in share)
+        + f"  {np.median(aside):5.2f} {np.median(height):5.2f}"
     )
 
 
@@ -59,11 +62,14 @@ def accuracy(seed: int = 0) -> None:
     there = [drive_over(road, k, True) for k in range(ONE_WAY)]
     back = [drive_over(road, 100 + k, False) for k in range(PAIRS)]
     others = [drive_over(road, 200 + k, True, car=k) for k in range(1, 9)]
-    print(f"road of seed {seed}; deg; shares in % within 1 and 2 sd of grade and bank")
+    print(
+        f"road of seed {seed}; deg; shares in % within 1 and 2 sd of grade and bank; the line and"
+    )
+    print("the elevation without its mean in m rms")
     print(
         f"{'drives':24} {'n':>3} {'grade':>6} {'max':>6} {'bank':>6} {'max':>6} {'mean':>7}", end=""
     )
-    print("  g 1  b 1  g 2  b 2")
+    print("  g 1  b 1  g 2  b 2   line     z")
     print(row("1", [[one] for one in there[:PAIRS]], road))
     print(row("5, one direction", [there[k : k + 5] for k in range(0, ONE_WAY, 5)], road))
     print(row("20, one direction", [there], road))
