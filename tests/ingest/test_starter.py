@@ -102,6 +102,11 @@ def test_what_is_uncertain_is_said(tmp_path):
         ("Velocidad angular X (rad/s)", "imu.gyro_x", "rad/s"),
         ("Vitesse angulaire Z [deg/s]", "imu.gyro_z", "deg/s"),
         ("Winkelgeschwindigkeit Y [°/s]", "imu.gyro_y", "deg/s"),
+        ("Velocità di imbardata (°/s)", "imu.gyro_z", "deg/s"),
+        ("Velocità veicolo (km/h)", "speed.v", "km/h"),
+        ("AccX [mm/s^2]", "imu.accel_x", "mm/s^2"),
+        ("speed_cms", "speed.v", "cm/s"),
+        ("alt_cm", "gnss.altitude", "cm"),
     ],
 )
 def test_names_that_vendors_use(tmp_path, name, role, unit):
@@ -282,6 +287,18 @@ def test_positions_in_any_form_are_positions(tmp_path, turned, said, name, facto
     )
     np.testing.assert_allclose(gnss.columns["latitude"], WAY["lat"], atol=2e-7)
     np.testing.assert_allclose(gnss.columns["longitude"], WAY["lon"], atol=2e-7)
+
+
+@pytest.mark.parametrize("power", [5, 6, 7])
+def test_a_power_of_ten_in_a_name(tmp_path, power):
+    path = tmp_path / "drive.csv"
+    columns = {f"{n}_e{power}": np.round(WAY[n] * 10**power) for n in ("lat", "lon")}
+    text = receiver(path, **columns)
+    assert f"by its name in 1e-{power} degrees" in text
+    gnss = next(
+        t for t in ingest([path], Profile.from_toml(text, "p")).tables if t.topic == "/gnss"
+    )
+    np.testing.assert_allclose(gnss.columns["latitude"], WAY["lat"], atol=10.0**-power)
 
 
 def test_what_a_receiver_counts_in_its_own_units(tmp_path):

@@ -14,6 +14,7 @@ from roadlog.ingest.drafting.draft import Draft, Guess
 from roadlog.ingest.drafting.inference import gravity_unit
 from roadlog.ingest.drafting.names import (
     MINUTES,
+    POWER,
     any_unit,
     folded,
     is_worded,
@@ -85,6 +86,8 @@ def _position_scale(frame: Frame, column: str) -> tuple[float, tuple[str, ...]]:
     largest = float(np.nanmax(np.abs(frame.columns[column])))
     if any_unit(frame, column) in MINUTES:
         return 1 / 60, ("the source states minutes of arc",)
+    if power := POWER.search(folded(column)):
+        return 10.0 ** -int(power[1]), (f"by its name in 1e-{power[1]} degrees",)
     if largest > 1e6:
         return 1e-7, ("by its size in 1e-7 degrees",)
     if largest > 180:

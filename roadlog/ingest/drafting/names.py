@@ -59,6 +59,9 @@ _ENDINGS = {
     "prozent": ["%"],
     "m": ["m"],
     "mm": ["mm"],
+    "cm": ["cm"],
+    "cms": ["cm/s"],
+    "mms": ["mm/s"],
     "meters": ["m"],
     "ft": ["ft"],
     "nm": ["N m"],
@@ -72,6 +75,7 @@ _DEVICE = re.compile(r"\\\w+(?::\d+)?$")
 _BRACKETS = re.compile(r"[\[({<]([^\])}>]*)[\])}>]\s*$")
 _OTHER = re.compile(OTHER)
 _ANGULAR = re.compile(r"angular|omega|gyro|rotation|yaw|pitch|roll")  # never a speed of the car
+POWER = re.compile(r"_(?:1?e|deg_?1?e)_?([5-7])$")  # lat_e7: times 10^7
 _RELATIVE = re.compile(r"baro|relative|pressure")
 
 
@@ -215,7 +219,7 @@ def unit_of(name: str, expected: str) -> str:
 
 def bare(name: str) -> str:
     """A name in lower case without its unit."""
-    words = folded(_leaf(_BRACKETS.sub("", name) or name)).split("_")
+    words = POWER.sub("", folded(_leaf(_BRACKETS.sub("", name) or name))).split("_")
     for size in (2, 1):
         if len(words) > size and "".join(words[-size:]) in _ENDINGS:
             return "_".join(words[:-size])

@@ -65,7 +65,7 @@ NAMES: dict[str, tuple[str, ...]] = {
         rf"(?:ground|gnd|road|fzg|fahrzeug|fahrt|drive|corr|corrected|horizontal|xmission|tacho|fahr"
         rf"|indicated|longitudinal|forward|2d|wheelbasedvehicle|wheelbased|disp|avg){_SPEED}",
         r"vfzg(?:hl|hr|vl|vr|h|v)?",
-        r"vveh|vehv|vlong|vlon|vehvv|vactl\w*|velocidadvehiculo|vitessevehicule|speedovergrnd|sog|gspeed",
+        r"vveh|vehv|vlong|vlon|vehvv|vactl\w*|velocidadvehiculo|vitessevehicule|velocita(?:del)?veicolo|velocidade(?:do)?veiculo|speedovergrnd|sog|gspeed",
     ),
     "gnss.climb": (
         r"(?:vert|vertical|v|climb|up|steig|vertikal)(?:vel|velocity|speed|spd|geschw\w*)",
@@ -100,15 +100,18 @@ WORDED: dict[str, tuple[str, ...]] = {
     "imu.accel_z": _either(_VERT, _FORCE),
     "imu.gyro_x": (
         rf"(?:gyro)?(?:roll|wank|roulis|balanceo|alabeo){_RATE}",
-        r"wroll|rollw|wwank|phidot|dphi|phip|vitesse(?:de)?roulis|velocidad(?:de)?(?:balanceo|alabeo)",
+        r"wroll|rollw|wwank|phidot|dphi|phip|vitesse(?:de)?roulis|velocidad(?:de)?(?:balanceo|alabeo)"
+        r"|velocita(?:di|angolaredi)?rollio|velocidadede?rolagem",
     ),
     "imu.gyro_y": (
         rf"(?:gyro)?(?:pitch|nick|tangage|cabeceo){_RATE}",
-        r"wpitch|pitchw|wnick|thetadot|dtheta|thetap|vitesse(?:de)?tangage|velocidad(?:de)?cabeceo",
+        r"wpitch|pitchw|wnick|thetadot|dtheta|thetap|vitesse(?:de)?tangage|velocidad(?:de)?cabeceo"
+        r"|velocita(?:di|angolaredi)?beccheggio|velocidadede?arfagem",
     ),
     "imu.gyro_z": (
         rf"(?:gyro)?(?:yaw|gier|lacet|guinada){_RATE}",
-        r"vyaw|vyawveh|wyaw|yaww\w*|wgier|yawr|psip|psidot|dpsi|gier|vitesse(?:de)?lacet|(?:vel|velocidad)(?:de)?guinada",
+        r"vyaw|vyawveh|wyaw|yaww\w*|wgier|yawr|psip|psidot|dpsi|gier|vitesse(?:de)?lacet|(?:vel|velocidade?)(?:de)?guinada"
+        r"|velocita(?:di|angolaredi)?imbardata",
     ),
 }
 
