@@ -221,8 +221,7 @@ def _estimate_log(path: Path, work: Work) -> tuple[dict[str, Any], list[str]]:
             summaries[made.name] = _summary(made, drive)
             yield made
         if not summaries:
-            reasons = "; ".join(f"{name}: {reason}" for name, reason in refused.items())
-            raise EstimatorError(f"{path}: no estimator can run. {reasons}")
+            raise EstimatorError(f"{path}: {_none_can(refused, work.names)}")
 
     log.write(
         estimates(),
@@ -243,6 +242,18 @@ def _estimate_log(path: Path, work: Work) -> tuple[dict[str, Any], list[str]]:
     cannot = {name: refused[name] for name in chosen if work.names and name in refused}
     asked = [f"{name} cannot run: {reason}" for name, reason in cannot.items()]
     return report, [f"{path}: {loss}" for loss in [*log.losses, *asked]]
+
+
+def _none_can(refused: dict[str, str], asked: list[str] | None) -> str:
+    """Why nothing can run: what was asked for, else what lacks least."""
+    if asked:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in refused.items())
+        return f"no estimator can run. {reasons}"
+    name = min(refused, key=lambda name: len(refused[name]))
+    return (
+        f"no estimator can run; {name} lacks least: {refused[name]}. `roadlog info` says what "
+        "the others lack"
+    )
 
 
 def _chosen(

@@ -74,11 +74,24 @@ def _print(summary: LogSummary, is_whole: bool) -> None:
         part = "" if is_whole else " in what could be read; the warnings say what could not"
         console.say(f"checks: nothing looks wrong{part}")
     _print_outlook(summary)
+    _print_way_out(summary)
     able = [estimator.name for estimator in summary.estimators if estimator.can_run]
     console.say(f"can run: {', '.join(able) or 'none'}")
     for estimator in summary.estimators:
         if not estimator.can_run:
             console.say(f"cannot run: {estimator.name}: {estimator.reason}")
+
+
+def _print_way_out(summary: LogSummary) -> None:
+    """Of a log with heights and nothing else that tells a grade."""
+    roles = {signal.role for signal in summary.signals}
+    has_grade = any(angle.angle == "grade" and angle.estimator for angle in summary.outlook)
+    if {"gnss.altitude", "gnss.speed"} <= roles and not has_grade and "truth.grade" not in roles:
+        console.say(
+            "a coarse grade: `roadlog ingest SOURCE --truth-from gnss` makes one of the receiver's"
+        )
+        console.say("heights, with its sd, for `plot`, `export` and `report`")
+        console.say("")
 
 
 def _signal(signal: SignalSummary) -> list[str]:
