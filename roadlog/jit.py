@@ -11,13 +11,18 @@ for its needs (`roadlog info`) does not wait for it.
 
 from __future__ import annotations
 
+import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache, cached_property, update_wrapper
 from typing import Any, Protocol
 
 # a wrapper for C, which nobody calls, would be compiled as well
 OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "no_cfunc_wrapper": True}
+# what only kernels call needs neither a way in from Python nor a file of its own: a seventh of a
+# first run
+PART: dict[str, Any] = {"no_cpython_wrapper": True, "cache": False}
 # sums may be vectorised; NaN and infinity keep their meaning
 REORDERED: dict[str, Any] = {**OPTIONS, "fastmath": {"reassoc", "contract"}}
 
@@ -48,9 +53,16 @@ class Kernel:
             made = vars(self).get("dispatcher")
             return made or _forgiving(loaded().njit(**self.options)(self.py_func))
 
+    @cached_property
+    def part(self) -> Any:
+        """The same for compiled callers only: kept on disk in these, not to be called by Python."""
+        with _lock:
+            made = vars(self).get("part")
+            return made or loaded().njit(**{**self.options, **PART})(self.py_func)
+
     @property
     def _numba_type_(self) -> Any:  # asked for where another kernel calls this one
-        return loaded().types.Dispatcher(self.dispatcher)
+        return loaded().types.Dispatcher(self.part)
 
 
 def _forgiving(dispatcher: Any) -> Any:
@@ -111,11 +123,30 @@ _lock = threading.RLock()
 _overloads: list[tuple[Callable, Callable]] = []
 
 
+@contextmanager
+def _withheld(module: str) -> Iterator[None]:
+    """Let imports go without an optional module.
+
+    numba asks on its import whether there is a BLAS, which imports all of scipy.linalg: a third of
+    the time of a short command. It looks again where a loop calls for one, and ours don't.
+    """
+    if module in sys.modules:
+        yield
+        return
+    sys.modules[module] = None  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        del sys.modules[module]
+
+
 @cache
 def loaded() -> Any:
     """numba, with our overloads."""
-    import numba
-    import numba.extending
+    with _withheld("scipy.linalg.cython_blas"):
+        import numba
+        import numba.extending
+        import numba.np.arraymath
     from numba.core import event
 
     class Teller(event.Listener):  # type: ignore[misc]
