@@ -78,6 +78,11 @@ def defaults(commands: Commands, environment: Mapping[str, str], folder: Path) -
     return [found[key] for key in sorted(found)]
 
 
+def are_set(environment: Mapping[str, str], folder: Path) -> bool:
+    """Whether there may be any default: a file or a variable."""
+    return bool(files(environment, folder)) or any(key.startswith(PREFIX) for key in environment)
+
+
 def files(environment: Mapping[str, str], folder: Path) -> list[Path]:
     """The files that count, the weakest first: the user's, then the nearest project's."""
     project = next(

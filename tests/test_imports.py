@@ -8,9 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
+import typer
 from support.drives import ROOT
 
-HEAVY = "scipy.signal scipy.stats rerun matplotlib pyarrow pandas numba roadlog.ingest"
+HEAVY = "scipy.linalg scipy.signal scipy.stats rerun matplotlib pyarrow pandas numba roadlog.ingest"
 # command -> which of them it may load
 COMMANDS = {
     "--help": "",
@@ -18,7 +19,7 @@ COMMANDS = {
     "info LOG": "",
     "evaluate ESTIMATES": "",
     "export LOG -o OUT.csv": "",
-    "estimate LOG -e lowpass_attitude -o OUT.mcap": "scipy.signal scipy.stats",
+    "estimate LOG -e lowpass_attitude -o OUT.mcap": "scipy.linalg scipy.signal scipy.stats",
     "estimate LOG -e kmbe -o OUT.mcap": "numba",
     "ingest TABLE -o OUT.mcap --profile PROFILE": "numba roadlog.ingest",
     "plot LOG -o OUT.png": "matplotlib",
@@ -31,6 +32,21 @@ except SystemExit as error:
     assert not error.code, error.code
 print("loaded:", *[name for name in {HEAVY.split()} if name in sys.modules])
 """
+
+
+def test_help_reads_the_options_of_no_command() -> None:
+    from typer.testing import CliRunner
+
+    from roadlog.cli import app
+    from roadlog.cli.lazy import MODULES
+
+    root = typer.main.get_command(app)
+    listed = CliRunner().invoke(app, ["--help"]).stdout
+    assert not root.commands.made  # type: ignore[attr-defined]
+    for name, command in root.commands.items():  # type: ignore[attr-defined]
+        assert f"  {name} " in listed
+        assert command.get_short_help_str(40).removesuffix("...") in listed
+    assert set(root.commands.made) == set(MODULES)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -10,10 +10,11 @@ from typing import Annotated
 import typer
 
 from roadlog.cli import console
-from roadlog.cli.levels import leveled
+from roadlog.cli.lazy import Lazy
 from roadlog.errors import RoadlogError
 
 app = typer.Typer(
+    cls=Lazy,
     name="roadlog",
     help="Road grade and bank, vehicle pitch and roll, from the log of an ordinary drive.",
     no_args_is_help=True,
@@ -42,39 +43,6 @@ def _global(
     ] = False,
 ) -> None:
     console.debug = debug
-
-
-def _register() -> None:
-    # command modules import what they compute with inside their functions: `--help` stays fast
-    from roadlog.cli.calibrate import calibrate
-    from roadlog.cli.config import Configured, config
-    from roadlog.cli.demo import demo
-    from roadlog.cli.doctor import doctor
-    from roadlog.cli.estimate import estimate
-    from roadlog.cli.estimators import estimators
-    from roadlog.cli.evaluate import evaluate
-    from roadlog.cli.export import export
-    from roadlog.cli.info import info
-    from roadlog.cli.ingest import ingest
-    from roadlog.cli.plot import plot
-    from roadlog.cli.profiles import profile, profiles
-    from roadlog.cli.report import report
-    from roadlog.cli.reproduce import reproduce
-    from roadlog.cli.road import road
-    from roadlog.cli.simulate import scenarios, simulate
-    from roadlog.cli.vehicle import vehicle
-    from roadlog.cli.verify import verify
-    from roadlog.cli.view import view
-
-    using = (ingest, info, verify, calibrate, estimate, evaluate, view, plot, report, road, export)
-    making = (simulate, scenarios, estimators, reproduce, profiles, config, demo, doctor)
-    for command in (*using, *making):
-        app.command(cls=Configured)(leveled(command))
-    app.add_typer(profile, name="profile")
-    app.add_typer(vehicle, name="vehicle")
-
-
-_register()
 
 
 def main() -> None:

@@ -11,7 +11,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from roadlog.cli import console, options
-from roadlog.config import Default, Option, defaults
+from roadlog.config import Default, Option, are_set, defaults
 from roadlog.errors import ConfigError, RoadlogError
 
 NOT_SET = frozenset({"help", "version", "debug", "out", "json"})  # belong to one call
@@ -88,6 +88,8 @@ def _words(value: str) -> list[str]:
 
 def default_map(root: Any) -> dict[str, Any]:
     """click's map of defaults: command -> parameter -> value. Raises ConfigError."""
+    if not are_set(os.environ, Path.cwd()):
+        return {}  # without a look at the options of all commands
     names = {
         (command, _name(parameter)): parameter.name
         for command, group in root.commands.items()
