@@ -1,10 +1,11 @@
 """CPU time of this tree against an earlier commit, in turn, in the same run; and its growth.
 
-The commit is checked out into a folder of its own; both trees read the same logs, each with a cache
-of compiled code of its own. What is printed is a ratio: below 1 is faster, beside the goal.
+The commit is checked out into a folder of its own; both trees read the same logs, each with caches
+of compiled loops and modules of its own. What is printed
+is a ratio: below 1 is faster, beside the goal.
 
 Run: python benchmarks/against.py [--commit C] [--hours 1] [--only first steps long jobs]
-[--growth] [--peers]
+[--estimators kmbe fusion all] [--growth [H ...]] [--peers]
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 COMMIT = "7eb4060"
 LENGTHS = (1.0, 2.0, 5.0, 10.0)  # h
+FIRST = {"kmbe": 0.2, "fusion": 0.3, "all": 0.3}  # estimators from an empty cache, and the goal
 # of a log: estimators, how often they run, and CPU s of the last time and peak MB on stdout
 RUN = """
 import resource, sys, time
@@ -99,8 +101,13 @@ class Tree:
 
     @property
     def environment(self) -> dict[str, str]:
-        own = {"PYTHONPATH": str(self.sources), "NUMBA_CACHE_DIR": str(self.cache / "numba")}
-        return {**os.environ, **own, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        own = {
+            "PYTHONPATH": str(self.sources),
+            "PYTHONPYCACHEPREFIX": str(self.cache / "modules"),
+            "NUMBA_CACHE_DIR": str(self.cache / "numba"),
+        }
+        kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+        return {**kept, **own, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
     def forget(self) -> None:
         """Begin with an empty cache."""
@@ -150,40 +157,39 @@ print(times)
 Ratios = Iterator[tuple[str, float, float]]
 
 
-def first_results(old: Tree, new: Tree, folder: Path, hours: float) -> Ratios:
+def first_results(old: Tree, new: Tree, folder: Path, given: argparse.Namespace) -> Ratios:
     """From an empty cache."""
-    del hours
     short = drive(folder, old, 0.1)
-    for names, goal in (("kmbe", 0.2), ("fusion", 0.3), ("all", 0.3)):
+    for names in given.estimators:
         spent = []
         for tree in (old, new):
             tree.forget()
             spent.append(tree.measured(RUN, short, names, 1)[0])
-        yield f"empty cache to first result, {names}", spent[1] / spent[0], goal
+        yield f"empty cache to first result, {names}", spent[1] / spent[0], FIRST[names]
 
 
-def steps(old: Tree, new: Tree, folder: Path, hours: float) -> Ratios:
+def steps(old: Tree, new: Tree, folder: Path, given: argparse.Namespace) -> Ratios:
     """The recursion of `fusion`."""
-    del hours
+    del given
     short = drive(folder, old, 0.1)
     before, after = (tree.measured(STEPS, short) for tree in (old, new))
     yield "fusion, forward a step", after[0] / before[0], 0.3
     yield "fusion, forward and back a step", after[1] / before[1], 0.35
 
 
-def long_drive(old: Tree, new: Tree, folder: Path, hours: float) -> Ratios:
+def long_drive(old: Tree, new: Tree, folder: Path, given: argparse.Namespace) -> Ratios:
     """Hours at 100 Hz, compiled before."""
-    long = drive(folder, old, hours)
-    for names, goal in (("fusion", 0.35), ("all", 0.35)):
+    hours, long = given.hours, drive(folder, old, given.hours)
+    for names in (name for name in given.estimators if name != "kmbe"):
         before, after = (tree.measured(RUN, long, names, 2) for tree in (old, new))
-        yield f"{names}, {hours:g} h", after[0] / before[0], goal
+        yield f"{names}, {hours:g} h", after[0] / before[0], 0.35
         if names == "fusion":
             yield f"{names}, {hours:g} h, memory", after[1] / before[1], 0.6
 
 
-def side_by_side(old: Tree, new: Tree, folder: Path, hours: float) -> Ratios:
+def side_by_side(old: Tree, new: Tree, folder: Path, given: argparse.Namespace) -> Ratios:
     """The command on two cores."""
-    long, copy = drive(folder, old, hours), folder / "copy.mcap"
+    hours, long, copy = given.hours, drive(folder, old, given.hours), folder / "copy.mcap"
     walls = []
     for tree, options in ((old, ()), (new, ("--jobs", 2))):
         for _ in range(2):  # the first one compiles
@@ -201,16 +207,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--commit", default=COMMIT)
     parser.add_argument("--hours", type=float, default=1.0)
-    parser.add_argument("--only", choices=PARTS, nargs="+", default=list(PARTS))
-    parser.add_argument("--growth", action="store_true", help="also 1, 2, 5 and 10 h")
+    parser.add_argument("--only", choices=PARTS, nargs="*", default=list(PARTS))
+    parser.add_argument("--estimators", choices=FIRST, nargs="+", default=list(FIRST))
+    parser.add_argument("--growth", type=float, nargs="*", metavar="H", help="h; 1 2 5 10")
     parser.add_argument("--peers", action="store_true", help="also fusion beside other libraries")
     given = parser.parse_args()
     with trees(given.commit) as (old, new), tempfile.TemporaryDirectory() as top:
         print(f"{'ratio of CPU time to ' + given.commit:40} {'ratio':>6} {'goal':>6}")
         for part in given.only:
-            for what, ratio, goal in PARTS[part](old, new, Path(top), given.hours):
+            for what, ratio, goal in PARTS[part](old, new, Path(top), given):
                 print(f"{what:40} {ratio:6.2f} {goal:6.2f}", flush=True)
-        for hours in LENGTHS if given.growth else ():
+        growth = () if given.growth is None else given.growth or LENGTHS
+        for hours in growth:
             seconds, memory = new.measured(RUN, drive(Path(top), old, hours), "all", 1)
             print(f"all estimators, {hours:g} h: {seconds:.1f} CPU s, {memory:.0f} MB", flush=True)
     if given.peers:

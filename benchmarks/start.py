@@ -25,6 +25,12 @@ COMMANDS = {
 }
 
 
+def environment(tree: Path) -> dict[str, str]:
+    """Of a run; modules are kept compiled, as installed ones are."""
+    kept = {name: text for name, text in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    return {**kept, "PYTHONPATH": str(tree)}
+
+
 def cost(tree: Path, command: list[object]) -> float:
     """CPU s of one run; the second run of a tree finds its loops compiled."""
     with tempfile.TemporaryDirectory() as folder:
@@ -32,7 +38,7 @@ def cost(tree: Path, command: list[object]) -> float:
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run(
             [sys.executable, "-m", "roadlog", *words],
-            env={**os.environ, "PYTHONPATH": str(tree)},
+            env=environment(tree),
             cwd=folder,
             capture_output=True,
             check=True,
