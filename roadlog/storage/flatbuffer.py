@@ -96,6 +96,7 @@ class _Walk:
     absent: dict[str, float] = field(default_factory=dict)
     places: dict[str, tuple[int, int]] = field(default_factory=dict)
     unread: set[str] = field(default_factory=set)
+    visits: int = 0  # of tables
 
     def __post_init__(self) -> None:
         self.mask = bytearray(len(self.payload))
@@ -112,6 +113,9 @@ class _Walk:
         return at + self.fixed("<I", at)
 
     def table(self, index: int, at: int, parent: str, depth: int) -> None:
+        self.visits += 1
+        if self.visits > len(self.payload):  # tables that hold each other
+            raise Unfit(f"more tables than its {len(self.payload)} bytes can hold")
         vtable = at - self.fixed("<i", at)
         size = self.fixed("<H", vtable)
         for entry in self.objects[index].fields:

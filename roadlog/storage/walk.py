@@ -21,6 +21,7 @@ from roadlog.storage.records import Damage, Schema
 MAX_ELEMENTS = 64  # of an array that become columns
 MAX_VALUES = 4096  # columns of one message
 MAX_DEPTH = 16  # of nested messages
+MORE_VISITS = 1000  # structs without a field, beside one for each byte
 NAMES = ("name", "child_frame_id")  # fields that name the element of an array that they are in
 NAME_LISTS = ("name", "names", "joint_names")  # arrays that name the elements of those beside them
 
@@ -88,6 +89,8 @@ class Walk:
     values: dict[str, Value] = field(default_factory=dict)
     places: dict[str, Place] = field(default_factory=dict)  # of strings
     unread: set[str] = field(default_factory=set)
+    depth: int = 0
+    visits: int = 0  # of structs
 
     def __post_init__(self) -> None:
         self.mask = bytearray(len(self.payload))
@@ -121,12 +124,19 @@ class Walk:
         return int.from_bytes(self.payload[start : start + size], self.order)
 
     def struct(self, type_: str, parent: str) -> None:
+        if self.depth > MAX_DEPTH:  # a type that holds itself in a sequence
+            raise Unfit(f"{parent[:40]}: nests more than {MAX_DEPTH} deep")
+        if self.visits > len(self.payload) + MORE_VISITS:
+            raise Unfit(f"more structs than its {len(self.payload)} bytes can hold")
+        self.depth += 1
+        self.visits += 1
         struct = self.types.structs[type_]
         strings: dict[str, list[Place]] = {}
         for member in self.present(struct):
             found = self.member(member, f"{parent}{member.name}")
             if found:
                 strings[member.name] = found
+        self.depth -= 1
         if strings:
             self._by_name(struct, strings, parent)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+import time
 from pathlib import Path
 
 import numpy as np
@@ -362,6 +363,36 @@ def test_schema_of_no_use_is_said(tmp_path, encoding, kind, text, said):
         assert len(log.read(["/x"])["/x"]) == 1
         (loss,) = log.losses
         assert said in loss
+
+
+@pytest.mark.parametrize(
+    ("encoding", "kind", "text", "head"),
+    [
+        ("cdr", "omgidl", b"struct T { sequence<T> a; double x; };", b"\0\1\0\0"),
+        ("ros1", "ros1msg", b"T[] a\nfloat64 x", b""),
+    ],
+)
+def test_a_type_that_holds_itself(tmp_path, encoding, kind, text, head):
+    """A payload may nest as deep as it is long: such a one cannot be decoded, others can."""
+    deep = head + b"\1\0\0\0" * 5000 + bytes(80_000)
+    flat = head + bytes(4 if encoding == "ros1" else 8) + np.float64(2.5).tobytes()
+    name = "T" if encoding == "cdr" else "m/T"
+    path = write_mcap(tmp_path / "x.mcap", encoding, (name, kind, text), [flat, deep, flat])
+    with LogReader(path) as log:
+        np.testing.assert_array_equal(log.read()["/x"].columns["x"], [2.5, np.nan, 2.5])
+        assert log.losses == ["/x: 1 of 3 messages cannot be decoded"]
+
+
+def test_a_payload_that_claims_more_than_it_holds(tmp_path):
+    """Messages without a field cost no byte: how many there are is bounded by the payload."""
+    text = b"B[] b\n" + b"=" * 80 + b"\nMSG: m/B\nE[] e\n" + b"=" * 80 + b"\nMSG: m/E\n"
+    payload = b"\x88\x13\0\0" + b"\x20\x4e\0\0" * 5000
+    path = write_mcap(tmp_path / "x.mcap", "ros1", ("m/A", "ros1msg", text), [payload])
+    start = time.process_time()
+    with LogReader(path) as log:
+        log.read()
+        assert log.losses == ["/x: 1 of 1 messages cannot be decoded"]
+    assert time.process_time() - start < 2
 
 
 def test_units_that_comments_state():
