@@ -207,3 +207,34 @@ def test_one_word_is_one_thing() -> None:
                 places.setdefault(node.name, set()).add(room)
     assert {word: where for word, where in places.items() if len(where) > 1} == {}
     assert not {f"{n}.{word}" for n, tree in TREES.items() for word in BARE & set(_names(tree))}
+
+
+# Into a scratch folder of the run's own, and rows.jsonl, which a report that is resumed adds to.
+WRITES_ITSELF = {
+    "ingest.formats.mdf_attached",
+    "ingest.formats.phone",
+    "ingest.formats.ros",
+    "report.run",
+    "warmup",
+}
+
+
+def _writes(node: ast.AST) -> bool:
+    if not isinstance(node, ast.Call):
+        return False
+    name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+    modes = [a.value for a in (*node.args, *(k.value for k in node.keywords)) if _is_text(a)]
+    opened = name == "open" and any(
+        set(str(mode)) <= set("rwaxb+") and set(str(mode)) & set("wax+") for mode in modes
+    )
+    return opened or name in ("write_text", "write_bytes")
+
+
+def _is_text(node: ast.AST) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
+
+
+def test_one_writer_makes_every_file() -> None:
+    """`files.write` and `files.replacing`: whole or not at all."""
+    own = {n for n, tree in TREES.items() if any(_writes(node) for node in ast.walk(tree))}
+    assert own - {"files"} == WRITES_ITSELF
