@@ -4,7 +4,7 @@ For a change that moves code and must not move a number. A setting that is not i
 or not in an estimator, is left out there: `--set wheels=all` compares what was before undriven
 wheels were taken. Ends with 1 where an angle differs by more than 1e-9 deg.
 
-Run: python benchmarks/same.py [--commit C] [--set KEY=VALUE ...] [--only NAME ...] [LOG ...]
+Run: python benchmarks/same.py [--commit C] [--set KEY=VALUE]... [--only NAME]... [LOG...]
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("logs", nargs="*", default=sorted((ROOT / "sample_logs").glob("*.mcap")))
     parser.add_argument("--commit", default=COMMIT)
-    parser.add_argument("--set", dest="settings", nargs="*", default=[])
-    parser.add_argument("--only", nargs="*", default=[])
+    parser.add_argument("--set", dest="settings", action="append", default=[])
+    parser.add_argument("--only", action="append", default=[])
     given = parser.parse_args()
     logs = [str(Path(log).resolve()) for log in given.logs]
     settings = dict(pair.split("=", 1) for pair in given.settings)
