@@ -23,6 +23,9 @@ from roadlog.units import DEGREES_MINUTES, SLOPES, canonical, is_written, to_si
 
 SLOW_SECTIONS = ("speed", "gnss", "barometer")  # of devices that fast tables repeat
 REPEATS = 5  # rows; a value that typically stays this long is held, not measured anew
+HELD = 2  # rows, of a position: no receiver measures the same twice while it moves
+HELD_SHARE = 0.6  # of rows with a new position, below which the whole fix is held
+POSITIONS = ("gnss.latitude", "gnss.longitude")
 NEGLIGIBLE = 1e-9  # a mount coefficient below this does not use its axis
 
 
@@ -83,16 +86,22 @@ def signals(profile: Profile, located: Sequence[Located]) -> tuple[Signals, list
     mapped = []
     begin = min((int(place.frame.time.min()) for place in located if len(place.frame)), default=0)
     fresh: dict[tuple[str, int, float], Stamps] = {}  # of a device's messages with a new value
-    # an accuracy stays the same for long: it belongs to the values beside it
-    for entry, frame, column in sorted(located, key=lambda place: _is_accuracy(place.entry)):
+    held: set[tuple[str, int, float]] = set()  # devices whose fixes stay for several rows
+    for entry, frame, column in sorted(located, key=lambda place: _rank(place.entry)):
         time, samples = _samples(entry, frame, column)
         if entry.delay > 0:  # what was measured before the recording began
             time, samples = _since(begin, time, samples)
         section = entry.role.partition(".")[0]
         device = section, id(frame), entry.delay
-        if section in SLOW_SECTIONS and not (_is_accuracy(entry) and device in fresh):
-            time, samples = _fresh(time, samples)
-            fresh[device] = np.union1d(fresh[device], time) if device in fresh else time
+        follows = device in held or (_is_accuracy(entry) and device in fresh)
+        if section in SLOW_SECTIONS and (entry.role in POSITIONS or not follows):
+            rows, same = len(time), entry.role in POSITIONS and _is_constant(samples)
+            time, samples = _fresh(time, samples, HELD if entry.role in POSITIONS else REPEATS)
+            if not same:  # due north a longitude tells of no fix
+                fresh[device] = np.union1d(fresh[device], time) if device in fresh else time
+            if entry.role in POSITIONS and not same:
+                few = len(fresh[device]) < HELD_SHARE * rows
+                (held.add if few else held.discard)(device)
         elif section in SLOW_SECTIONS:
             time, samples = _at(time, samples, fresh[device])
         found[entry.role] = time, samples
@@ -219,12 +228,12 @@ def _since(begin: int, time: Stamps, values: Floats) -> tuple[Stamps, Floats]:
     return stamps.column(), kept.column()
 
 
-def _fresh(time: Stamps, values: Floats) -> tuple[Stamps, Floats]:
+def _fresh(time: Stamps, values: Floats, repeats: int) -> tuple[Stamps, Floats]:
     """The rows that bring a new value, block by block."""
     stamps, kept = Spool(np.int64), Spool(np.float64)
     before = np.nan
     for rows in blocks(len(time)):
-        keep = refreshed(time[rows], values[rows], before)
+        keep = refreshed(time[rows], values[rows], before, repeats)
         stamps.append(time[rows][keep])
         kept.append(values[rows][keep])
         before = float(values[rows][-1])
@@ -243,27 +252,40 @@ def _at(time: Stamps, values: Floats, stamps: Stamps) -> tuple[Stamps, Floats]:
     return kept.column(), chosen.column()
 
 
+def _rank(entry: Entry) -> int:
+    """Positions first: they tell which fixes are new. An accuracy, which stays the same for long,
+    last: it belongs to the values beside it."""
+    return 0 if entry.role in POSITIONS else 2 if _is_accuracy(entry) else 1
+
+
+def _is_constant(values: Floats) -> bool:
+    return all((values[rows] == values[0]).all() for rows in blocks(len(values)))
+
+
 def _is_accuracy(entry: Entry) -> bool:
     return entry.role.endswith("_accuracy")
 
 
-def refreshed(time: Stamps, values: Floats, before: float = np.nan) -> Bools:
+def refreshed(
+    time: Stamps, values: Floats, before: float = np.nan, repeats: int = REPEATS
+) -> Bools:
     """Which rows bring a new value, where a fast table repeats a slow device's last one.
 
-    before: the value before the first row.
+    before: the value before the first row. repeats: rows that a value typically stays if it is
+    held.
 
     A phone writes its 1 Hz fix into every row of a 25 Hz table; taken as samples, these are steps
     with an infinite slope. Rows of a change are kept, and while nothing changes (standstill) one
     row for each typical interval between changes.
     """
     changes = np.flatnonzero(np.diff(values, prepend=before) != 0)
-    if len(changes) < 3 or np.median(np.diff(changes)) < REPEATS:
+    if len(changes) < 3 or np.median(np.diff(changes)) < repeats:
         return np.ones(len(values), np.bool_)
     keep = np.zeros(len(values), np.bool_)
     keep[changes] = True
     interval = max(1.0, float(np.median(np.diff(time[changes]))))  # ns
     for a, b in zip(changes, [*changes[1:], len(values)], strict=True):
-        if b - a <= REPEATS:
+        if b - a <= repeats:
             continue
         lap = ((time[a:b] - time[a]) / interval).astype(np.int64)
         late = lap[-1] if b < len(values) else lap[-1] + 1  # a fix a little late is no standstill

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from roadlog.errors import ConfigError
-from roadlog.ingest import mapping
+from roadlog.ingest import ingest, mapping
 from roadlog.ingest.frame import Frame
 from roadlog.ingest.mount import rotation
 from roadlog.ingest.profile import Profile, shipped
@@ -165,3 +165,23 @@ def test_a_slow_fix_repeated_in_a_fast_table_counts_once():
     measured = np.random.default_rng(1).normal(size=2500)
     measured[500:2000] = 0.0
     assert mapping.refreshed(time, measured).all()
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3, 4])
+def test_a_fix_held_for_a_few_rows_counts_once(tmp_path, rows):
+    t = np.arange(0, 200, 1 / rows)
+    fix = np.floor(t)  # a dongle's log: the phone's fix of each second in every row
+    speed = 10 + 3 * np.sin(fix / 9)
+    speed[(fix > 90) & (fix < 95)] = 10.0  # a steady speed is measured anew each second
+    columns = [t, 48 + 1e-4 * fix, np.full(len(t), 11.0), speed, 300 + np.sin(fix / 20)]
+    path = tmp_path / "log.csv"
+    head = "time_s,latitude,longitude,speed,altitude"
+    np.savetxt(path, np.column_stack(columns), "%.7f", ",", header=head, comments="")
+    text = '[time]\ncolumn = "time_s"\nunit = "s"\n[gnss]\n'
+    units = {"latitude": "deg", "longitude": "deg", "speed": "m/s", "altitude": "m"}
+    text += "".join(f'{n} = {{ from = "{n}", unit = "{u}" }}\n' for n, u in units.items())
+    (gnss,) = ingest([path], Profile.from_toml(text, "p")).tables
+    known = np.isfinite(gnss.columns["speed"])
+    assert known.sum() == pytest.approx(200, abs=2)
+    measured = (gnss.time[known] * 1e-9) % 1
+    assert np.abs(measured - np.round(measured)).max() < 1e-6  # where the fix was taken
