@@ -1,36 +1,44 @@
 """What a log is good for: per angle which estimator to take, how accurate it will be, what to add.
 
 The figures are RMS errors of simulated drives of the full car with what a log may lack left out;
-`benchmarks/outlook.py` prints the table again. A log in which a check finds a fault does worse.
+outlook.csv, made by `benchmarks/outlook.py`. A log in which a check finds a fault does worse.
 """
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import cache
+from importlib.resources import files
 
 import numpy as np
 
 from roadlog.car.suspension import knows_springs
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.signals import SEPARATED
+from roadlog.signals import AXES, SEPARATED
 
 BENDS = np.pi  # rad of turning to either side from which a drive has bends
 WORTH = 0.8  # of the error now, at most: what is worth adding
+SHAKEN = 0.02  # (m/s2)/sqrt(Hz); car loggers have 0.001 to 0.016, phones 0.04 to 0.1
 
 
 @dataclass(frozen=True)
 class SensorSet:
-    """What decides beside IMU and speed. antennas: two across the car. torque: of drive and brakes.
+    """What decides beside IMU and speed. antennas: two across the car. gnss: a receiver that
+    measures velocity, up and down too, as those of phones do not. torque: of drive and brakes.
     springs: the suspension's gradients are known, by the vehicle file. turns: the drive has bends,
-    which tell the accelerometers' zero."""
+    which tell the accelerometers' zero. steady: the IMU is neither shaken nor noisy. mounted: the
+    vehicle file says how it lies."""
 
     antennas: bool = False
     gnss: bool = False
     torque: bool = False
     springs: bool = False
     turns: bool = False
+    steady: bool = False
+    mounted: bool = False
 
     @classmethod
     def of(cls, drive: Drive, vehicle: Vehicle) -> SensorSet:
@@ -38,16 +46,24 @@ class SensorSet:
         yaw = drive.signals.get("imu.gyro_z", np.zeros(1))
         return cls(
             antennas="gnss.roll" in drive.signals,
-            gnss={"gnss.speed", "gnss.altitude"} <= set(drive.signals),
+            gnss={"gnss.speed", "gnss.climb", "gnss.altitude"} <= set(drive.signals),
             torque=any(r.startswith(("wheel_torques.", "powertrain.")) for r in drive.signals),
             springs=all(knows_springs(vehicle, axis) for axis in ("pitch", "roll")),
             turns=float(np.nansum(np.abs(yaw))) / drive.rate > BENDS,
+            steady=noise(drive) < SHAKEN,
+            mounted=vehicle.states_mounting,
         )
 
     def with_more(self) -> Iterator[tuple[str, SensorSet]]:
         """What could be added, in words, and what there were then."""
         if not self.springs:
             yield "the car's suspension (`roadlog calibrate`)", replace(self, springs=True)
+        if not self.mounted:
+            words = "the IMU's mounting (`roadlog calibrate`, drives there and back)"
+            yield words, replace(self, mounted=True)
+        if not self.steady:
+            words = "an IMU that is fixed firmly and filters before it samples"
+            yield words, replace(self, steady=True)
         if not self.gnss:
             yield "a GNSS receiver with velocity", replace(self, gnss=True)
         if not self.torque:
@@ -58,35 +74,29 @@ class SensorSet:
         if not self.turns:
             yield "bends or turns in the drive", replace(self, turns=True)
 
+    def __str__(self) -> str:
+        """The IMU in words."""
+        lies = "as its vehicle file says" if self.mounted else "that leans by 1.5 deg, as may be"
+        return f"{'a steady' if self.steady else 'a shaken'} IMU {lies}"
 
-# of `fusion`, by what there is: grade, bank, pitch, roll, deg
-ACCURACY: dict[SensorSet, tuple[float, float, float, float]] = {
-    SensorSet(antennas=True, gnss=True, torque=True, springs=True, turns=True): (
-        0.04,
-        0.05,
-        0.04,
-        0.05,
-    ),
-    SensorSet(antennas=True, gnss=True, torque=True, turns=True): (0.05, 0.19, 0.04, 0.19),
-    SensorSet(gnss=True, torque=True, springs=True, turns=True): (0.05, 0.18, 0.04, 0.06),
-    SensorSet(gnss=True, torque=True, turns=True): (0.05, 0.29, 0.04, 0.19),
-    SensorSet(gnss=True, springs=True, turns=True): (0.05, 0.18, 0.04, 0.06),
-    SensorSet(gnss=True, turns=True): (0.05, 0.29, 0.04, 0.19),
-    SensorSet(torque=True, springs=True, turns=True): (0.05, 0.19, 0.04, 0.06),
-    SensorSet(torque=True, turns=True): (0.13, 0.29, 0.04, 0.19),
-    SensorSet(springs=True, turns=True): (0.08, 0.19, 0.04, 0.06),
-    SensorSet(turns=True): (0.13, 0.29, 0.04, 0.19),
-    SensorSet(antennas=True, gnss=True, torque=True, springs=True): (0.03, 0.03, 0.03, 0.03),
-    SensorSet(antennas=True, gnss=True, torque=True): (0.04, 0.05, 0.04, 0.03),
-    SensorSet(gnss=True, torque=True, springs=True): (0.03, 0.11, 0.03, 0.03),
-    SensorSet(gnss=True, torque=True): (0.04, 0.13, 0.04, 0.03),
-    SensorSet(gnss=True, springs=True): (0.03, 0.11, 0.03, 0.03),
-    SensorSet(gnss=True): (0.04, 0.13, 0.04, 0.03),
-    SensorSet(torque=True, springs=True): (0.08, 0.15, 0.04, 0.03),
-    SensorSet(torque=True): (0.22, 0.15, 0.03, 0.03),
-    SensorSet(springs=True): (0.07, 0.15, 0.03, 0.03),
-    SensorSet(): (0.22, 0.15, 0.03, 0.03),
-}
+
+def noise(drive: Drive) -> float:
+    """Of the accelerometers, in (m/s2)/sqrt(Hz), by what no car moves like: white from sample to
+    sample. Vibration that a slow sensor folds is in it. Infinite where nothing tells it."""
+    samples = drive.native.get("imu")
+    if samples is None:
+        return np.inf
+    found = []
+    for axis in AXES:
+        values = np.asarray(samples.columns.get(f"accel_{axis}", ()), np.float64)
+        known = np.isfinite(values)
+        steps = np.diff(values[known], 2)
+        if len(steps):
+            interval = float(np.median(np.diff(samples.time[known])))
+            found.append(np.sqrt(np.mean(steps**2) / 6 * interval))
+    return float(np.median(found)) if found else np.inf
+
+
 # of the others, where there is no `fusion`, the best first; docs/consistency.md, deg
 OTHERS = {
     "grade": {"kmbe": 0.28, "ekf_suspension": 0.36, "tfobe": 0.39, "debe": 0.40},
@@ -95,6 +105,19 @@ OTHERS = {
     "roll": {"roll_bank_obs": 0.06, "split_qs": 0.07},
 }
 WHOLE_IMU = "three accelerations and three rates: `fusion` can run then"
+
+
+@cache
+def accuracies() -> dict[SensorSet, tuple[float, ...]]:
+    """Of `fusion`, by what there is: RMS errors of grade, bank, pitch, roll, deg."""
+    text = files("roadlog").joinpath("outlook.csv").read_text("utf-8")
+    names = [field.name for field in fields(SensorSet)]
+    return {
+        SensorSet(**{name: row[name] == "1" for name in names}): tuple(
+            float(row[a]) for a in SEPARATED
+        )
+        for row in csv.DictReader(text.splitlines())
+    }
 
 
 @dataclass(frozen=True)
@@ -109,29 +132,28 @@ class Outlook:
     better_deg: float | None = None
 
 
-def outlook(drive: Drive, vehicle: Vehicle, able: Collection[str]) -> list[Outlook]:
+def outlook(sensors: SensorSet, able: Collection[str]) -> list[Outlook]:
     """For each angle, what to expect of a drive. able: estimators that can run on it."""
-    sensors = SensorSet.of(drive, vehicle)
     if "fusion" in able:
         return [_of_fusion(sensors, k) for k in range(len(SEPARATED))]
     found = []
     for k, angle in enumerate(SEPARATED):
         name = next((name for name in OTHERS[angle] if name in able), "")
-        better = ACCURACY[_known(sensors)][k]
+        better = accuracies()[known(sensors)][k]
         found.append(Outlook(angle, name, OTHERS[angle].get(name), WHOLE_IMU, better))
     return found
 
 
 def _of_fusion(sensors: SensorSet, k: int) -> Outlook:
-    now = ACCURACY[_known(sensors)][k]
-    ways = [(ACCURACY[_known(more)][k], words) for words, more in sensors.with_more()]
+    now = accuracies()[known(sensors)][k]
+    ways = [(accuracies()[known(more)][k], words) for words, more in sensors.with_more()]
     best, words = min(ways, key=lambda way: way[0], default=(now, ""))
     if best > WORTH * now:
         return Outlook(SEPARATED[k], "fusion", now)
     return Outlook(SEPARATED[k], "fusion", now, words, best)
 
 
-def _known(sensors: SensorSet) -> SensorSet:
+def known(sensors: SensorSet) -> SensorSet:
     """The nearest with figures: antennas come with a receiver, and torques tell little beside."""
     if sensors.antennas:
         return replace(sensors, gnss=True, torque=True)

@@ -15,7 +15,7 @@ from roadlog.drive import Drive, stale_limit, without_strays
 from roadlog.errors import ConfigError, LogReadError
 from roadlog.for_viewers import is_for_viewers
 from roadlog.log import DriveLog
-from roadlog.outlook import Outlook, outlook
+from roadlog.outlook import Outlook, SensorSet, outlook
 from roadlog.signals import SECTIONS, SIGNALS, split_estimate_topic
 from roadlog.stamps import main_span
 from roadlog.storage import Channel, Table
@@ -78,7 +78,8 @@ class LogSummary:
     """Everything that `roadlog info` says.
 
     profile: what the profile that made the log puts right. checks: what looks wrong, the most
-    harmful first. outlook: of each angle what to take and to expect, none without a drive.
+    harmful first. sensors: what decides the accuracy. outlook: of each angle what to take and to
+    expect. Neither without a drive.
     """
 
     log: str
@@ -88,6 +89,7 @@ class LogSummary:
     signals: list[SignalSummary]
     checks: list[Finding]
     estimators: list[EstimatorSummary]
+    sensors: SensorSet | None
     outlook: list[Outlook]
 
 
@@ -118,6 +120,7 @@ def summarize(log: DriveLog) -> LogSummary:
         found.append(Finding("no_drive", "fault", (), str(error), advice))
     found.sort(key=lambda finding: finding.harm, reverse=True)
     able = _estimators(drive, log)
+    sensors = SensorSet.of(drive, log.vehicle) if drive else None
     return LogSummary(
         str(log.path),
         duration,
@@ -126,7 +129,8 @@ def summarize(log: DriveLog) -> LogSummary:
         _signals(tables),
         found,
         able,
-        outlook(drive, log.vehicle, [e.name for e in able if e.can_run]) if drive else [],
+        sensors,
+        outlook(sensors, [e.name for e in able if e.can_run]) if sensors else [],
     )
 
 

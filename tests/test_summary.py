@@ -61,7 +61,8 @@ def test_json_has_stable_keys(roadlog, hill_log):
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
     assert set(summary) == {
-        "log", "duration", "profile", "channels", "signals", "checks", "estimators", "outlook",
+        "log", "duration", "profile", "channels", "signals", "checks", "estimators", "sensors",
+        "outlook",
     }  # fmt: skip
     assert summary["duration"] == pytest.approx(60.0)
     assert summary["checks"] == [] or {c["level"] for c in summary["checks"]} == {"note"}

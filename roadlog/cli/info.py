@@ -120,10 +120,8 @@ def _print_outlook(summary: LogSummary) -> None:
     columns = ["angle", "take", "RMS error simulated, deg", "what would help most"]
     title = "once the CHECKs above are mended:" if spoilt else ""
     console.print_table(columns, rows, title, left=2, remark=True)
-    console.say(
-        "simulated: cars with these sensors at 100 Hz and a known mounting; slower sensors or"
-    )
-    console.say("an unknown mounting are worse. How sure this log is, the sd of `estimate` says")
+    console.say(f"simulated: cars with these sensors and {summary.sensors},")
+    console.say("mean error included. How sure this log is, the sd of `estimate` says")
     console.say("")
 
 
