@@ -46,13 +46,10 @@ def family(session: int) -> list[int]:
     return found
 
 
-def trial(folder: Path, source: Path, command: str, wait: float) -> str:
-    words, outputs = COMMANDS[command]
-    for path in source.iterdir():
-        shutil.copy(path, folder)
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+def start(folder: Path, command: str) -> subprocess.Popen[str]:
+    """The command, once it hears signals: then it has a second thread."""
     process = subprocess.Popen(
-        [*ROADLOG, *words],
+        [*ROADLOG, *COMMANDS[command][0]],
         cwd=folder,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
@@ -61,6 +58,27 @@ def trial(folder: Path, source: Path, command: str, wait: float) -> str:
     )
     while process.poll() is None and len(list(Path(f"/proc/{process.pid}/task").iterdir())) < 2:
         time.sleep(0.001)  # the interpreter itself is not there yet
+    return process
+
+
+def duration(folder: Path, source: Path, command: str) -> float:
+    """s that it takes here and now from then on; the first time loads and compiles more."""
+    for _ in range(2):
+        shutil.copytree(source, folder)
+        process = start(folder, command)
+        started = time.monotonic()
+        process.communicate()
+        took = time.monotonic() - started
+        shutil.rmtree(folder)
+    return took
+
+
+def trial(folder: Path, source: Path, command: str, wait: float) -> str:
+    _, outputs = COMMANDS[command]
+    for path in source.iterdir():
+        shutil.copy(path, folder)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    process = start(folder, command)
     time.sleep(wait)
     process.send_signal(signal.SIGINT)
     started = time.monotonic()
@@ -112,16 +130,8 @@ def main() -> None:
         for k in range(trials):
             command = list(COMMANDS)[k % len(COMMANDS)]
             folder = Path(top, f"{k}")
-            if command not in durations:  # how long it takes here and now
-                shutil.copytree(source, folder)
-                started = time.monotonic()
-                words, _ = COMMANDS[command]
-                quiet = subprocess.DEVNULL
-                subprocess.run(
-                    [*ROADLOG, *words], cwd=folder, stdout=quiet, stderr=quiet, check=False
-                )
-                durations[command] = time.monotonic() - started
-                shutil.rmtree(folder)
+            if command not in durations:
+                durations[command] = duration(folder, source, command)
             folder.mkdir()
             wait = chance.uniform(0, durations[command])
             outcome = trial(folder, source, command, wait)
