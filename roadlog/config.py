@@ -39,6 +39,7 @@ class Option:
     is_list: bool = False
     is_flag: bool = False
     is_number: bool = False
+    is_integer: bool = False
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,8 @@ def _of_file(path: Path, commands: Commands) -> Iterator[Default]:
 
 def _default(path: Path, command: str, option: Option, value: Any, key: str) -> Default:
     values = value if isinstance(value, list) else [value]
-    wanted = bool if option.is_flag else (int, float) if option.is_number else str
+    number = int if option.is_integer else (int, float)
+    wanted = bool if option.is_flag else number if option.is_number else str
     if (isinstance(value, list) and not option.is_list) or not all(
         isinstance(v, wanted) and (option.is_flag or not isinstance(v, bool)) for v in values
     ):
@@ -142,7 +144,11 @@ def _default(path: Path, command: str, option: Option, value: Any, key: str) -> 
 
 
 def _kind(option: Option) -> str:
-    return "true or false" if option.is_flag else "a number" if option.is_number else "a text"
+    if option.is_flag:
+        return "true or false"
+    if option.is_number:
+        return "an integer" if option.is_integer else "a number"
+    return "a text"
 
 
 def _placed(folder: Path, name: str) -> str:
@@ -179,7 +185,7 @@ def _fits(text: str, option: Option) -> bool:
         return text.lower() in FLAGS
     if option.is_number:
         try:
-            float(text)
+            int(text) if option.is_integer else float(text)
         except ValueError:
             return False
     return True

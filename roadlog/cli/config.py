@@ -136,6 +136,7 @@ def _option(parameter: Any, function: Any) -> Option:
         is_list=parameter.multiple,
         is_flag=bool in kinds,
         is_number=bool({int, float} & kinds),
+        is_integer=int in kinds and float not in kinds,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -105,7 +106,7 @@ def test_variables_of_the_wrong_type(
 
 
 REFUSED = {  # only the command knows what is wrong with it
-    "jobs = 0": ("jobs = 0", "greater than or equal to 1"),
+    "jobs = 0": ("jobs = 0", r"greater than or equal to 1|x>=1"),  # by the version of typer
     "[estimate]\njobs = 2.5": ("[estimate] jobs = 2.5", "integer"),
     "rate = nan": ("rate = nan", "between 1 and 2000 Hz"),
     "clock = 'foo'": ("clock = 'foo'", "log, publish or header"),
@@ -126,7 +127,7 @@ def test_refused_defaults_name_file_and_key(
     said, why = REFUSED[text]
     assert run.returncode == 1
     assert run.stderr.startswith(f"roadlog: {tmp_path / 'roadlog.toml'}: {said}: ")
-    assert why in run.stderr
+    assert re.search(why, run.stderr)
     assert len(run.stderr.splitlines()) == 1
 
 
