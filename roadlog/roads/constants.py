@@ -35,13 +35,17 @@ class Slope:
 
 @dataclass(frozen=True, eq=False)
 class Merged:
-    """value, sd, common_sd (n,). constants: rad per car, their sd; drives' own beside."""
+    """value, sd, common_sd (n,). constants: rad per car, their sd; drives' own beside.
+
+    whole_sd: of what the value is off as a whole.
+    """
 
     value: Floats
     sd: Floats
     common_sd: Floats
     constants: Floats
     constants_sd: Floats
+    whole_sd: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +125,8 @@ def solved(
     birge = _birge(residual, weight, known, len(prior))
     shape = birge**2 * _shape_common(angle.sd, weight, car) * SHARED_SHAPE
     white = birge**2 * (1 - SHARED_SHAPE) / safe
-    variance = white + shape + (mean * (covariance @ mean)).sum(axis=0)
+    whole = (mean * (covariance @ mean)).sum(axis=0)
+    variance = white + shape + whole
     shared = [*range(cars), *range(cars + drives, len(prior))]
     own = mean[shared]
     common = shape + (own * (covariance[np.ix_(shared, shared)] @ own)).sum(axis=0)
@@ -132,6 +137,7 @@ def solved(
         np.where(unknown, np.nan, np.sqrt(np.minimum(common, variance))),
         constants[:cars],
         np.sqrt(np.diag(covariance)[:cars]),
+        float(np.sqrt(np.mean(whole))),
     )
 
 

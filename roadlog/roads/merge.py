@@ -29,6 +29,7 @@ WANDERING = (
     0.2  # of a pass's lateral wandering that is the car's (0.5 m sd) and not the fixes' (1 m)
 )
 ALTITUDE_SD = 2.0  # m, of one receiver's altitude
+ALTITUDE_REACH = 3000.0  # m, over which its error is one: minutes, as of the ionosphere
 PLACE_SD = 0.7  # m, of one pass's place, along and across the road
 SHORTEST = 8  # nodes; a shorter stretch is no road
 
@@ -195,16 +196,18 @@ def _combined(line: RoadModel, laid: Sequence[_Laid], owners: Sequence[Pass]) ->
     drive = np.unique([id(own) for own in owners], return_inverse=True)[1]
     sides = _sides(laid)
     bank_tangent = np.zeros(len(line))
-    grade, bank = Merged(*[np.zeros(len(line))] * 3, *[np.zeros(len(cars))] * 2), None
+    grade: Merged | None = None
+    bank: Merged | None = None
     for _ in range(2):  # the bank's twist moves the grade beside the line
         angles = _turned(line, laid, owners, bank_tangent)
         grade = solved(angles[0], car, drive, None)
         bank = solved(angles[1], car, drive, sides)
         bank_tangent = np.nan_to_num(bank.value)
+    assert grade is not None
     assert bank is not None
     passes = np.sum([w.inside for w in laid], axis=0)
-    z, z_sd = _heights(line, laid, owners, grade.value)
-    slope = np.arctan(grade.value)
+    tangent, z, z_sd = _heights(line, laid, owners, grade)
+    slope = np.arctan(tangent)
     both = any(w.track.run.forward for w in laid) and not all(w.track.run.forward for w in laid)
     drives = len({own.name or str(id(own)) for own in owners})
     return replace(
@@ -285,10 +288,13 @@ def _sides(laid: Sequence[_Laid]) -> Floats | None:
 
 
 def _heights(
-    line: RoadModel, laid: Sequence[_Laid], owners: Sequence[Pass], slope: Floats
-) -> tuple[Floats, Floats]:
-    """z and its sd in m: the grade's integral, held to the mean altitude by a straight line."""
-    rise = np.nan_to_num(slope)
+    line: RoadModel, laid: Sequence[_Laid], owners: Sequence[Pass], grade: Merged
+) -> tuple[Floats, Floats, Floats]:
+    """Slope, z and its sd in m: z is the slope's integral, level with the mean altitude.
+
+    Both lean towards the altitudes by as much as these know the mean slope better.
+    """
+    rise = np.nan_to_num(grade.value)
     z = np.concatenate([[0.0], np.cumsum(0.5 * (rise[1:] + rise[:-1]) * np.diff(line.s))])
     altitude = np.array(
         [
@@ -298,17 +304,17 @@ def _heights(
     )
     count = np.isfinite(altitude).sum(axis=0)
     known = count > 0
-    if known.sum() < 2:
-        return z, np.full(len(z), np.nan)
-    mean = np.nansum(altitude, axis=0)[known] / count[known]
-    far = line.s[known]
-    if np.ptp(far) > 0:
-        z = z + np.polynomial.Polynomial.fit(far, mean - z[known], 1, w=np.sqrt(count[known]))(
-            line.s
-        )
-    else:
-        z = z + float(np.mean(mean - z[known]))
-    return z, ALTITUDE_SD / np.sqrt(np.maximum(np.median(count[known]), 1)) * np.ones(len(z))
+    far, weight = line.s[known], count[known].astype(np.float64)
+    span = float(np.ptp(far)) if known.any() else 0.0
+    if not span:
+        return grade.value, z, np.full(len(z), np.nan)
+    off = np.nansum(altitude, axis=0)[known] / weight - z[known]
+    middle = float(np.average(far, weights=weight))
+    level, lean = np.polynomial.polynomial.polyfit(far - middle, off, 1, w=np.sqrt(weight))
+    sd = ALTITUDE_SD / np.sqrt(np.median(weight))
+    lean_sd = sd * np.sqrt(12 / max(1.0, span / ALTITUDE_REACH)) / span
+    lean *= grade.whole_sd**2 / (grade.whole_sd**2 + lean_sd**2)
+    return grade.value + lean, z + level + lean * (line.s - middle), sd * np.ones(len(z))
 
 
 def _notes(

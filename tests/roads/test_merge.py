@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from support.mountain_road import HOME, driven, errors, mountain_road
 
+from roadlog.roads import formats
 from roadlog.roads.merge import roads
 from roadlog.roads.model import RoadModel, car_axes, road_axes, road_of
 from roadlog.roads.passes import Pass
@@ -78,6 +80,21 @@ def test_more_drives_bring_the_line_and_the_height_nearer(road: RoadModel) -> No
     off = errors(merged([driven(road, k, forward=k % 2 == 0) for k in range(10)]), road)
     assert np.sqrt(np.mean(off["offset"] ** 2)) < 0.6
     assert np.std(off["z"]) < 0.8
+
+
+@pytest.mark.parametrize("both", [True, False])
+def test_elevation_rises_as_the_grade_says(road: RoadModel, both: bool, tmp_path: Path) -> None:
+    """Altitudes that wander by 2 m lean a short road by 0.2 deg; the grades know better."""
+    short = road.between(0.0, 500.0)
+    found = merged([driven(short, k, forward=not both or k % 2 == 0) for k in range(2)])
+    rise = found.z[-1] - found.z[0]
+    slope = np.tan(found.grade)
+    steps = 0.5 * (slope[1:] + slope[:-1]) * np.diff(found.s)
+    assert rise == pytest.approx(steps.sum(), abs=0.01)
+    formats.write(found, tmp_path / "road.xodr")
+    back = formats.read(tmp_path / "road.xodr")
+    assert abs(np.degrees(back.grade.mean() - found.grade.mean())) < 0.003
+    assert np.std(errors(found, short)["z"]) < 0.3
 
 
 def test_lanes_with_a_crown_leave_the_mounting_open(road: RoadModel) -> None:
