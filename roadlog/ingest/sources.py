@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from roadlog.checks.delays import delays
 from roadlog.checks.finding import Finding
 from roadlog.checks.impossible import beyond
@@ -127,9 +129,8 @@ def ingest(
     signals, moved = one_grid(signals)
     tables = mapping.tables(signals)
     if truth_from is not None:
-        made, told = reference(truth_from, tables)
+        tables, mapped, told = _referenced(truth_from, tables, mapped)
         said += told
-        tables = [t for t in tables if t.topic != made.topic] + [made]
     losses = [loss for recording in recordings for loss in recording.losses]
     losses += [loss for recording in recordings for loss in _backward(recording)]
     metadata = _records(profiles, clock, paths)
@@ -142,6 +143,18 @@ def ingest(
     notes += [f"check: {finding}" for finding in _findings(profiles, tables)]
     notes += [f"not a source: {', '.join(ignored)}"] if ignored else []
     return IngestResult(tables, metadata, mapped, over, lacking, notes, gaps(tables), losses)
+
+
+def _referenced(
+    truth_from: str | Path, tables: Sequence[Table], mapped: Sequence[Mapped]
+) -> tuple[list[Table], list[Mapped], list[str]]:
+    """Tables with the truth that is made, what was mapped beside it, and notes."""
+    made, told = reference(truth_from, tables)
+    kept = [m for m in mapped if not m.role.startswith("truth.")]
+    known = [a for a in ("grade", "bank") if np.isfinite(made.columns[a]).any()]
+    left = "; the source's own truth is left out" if len(kept) < len(mapped) else ""
+    note = f"truth: {' and '.join(known)} by {Path(truth_from).name}{left}"
+    return [*(t for t in tables if t.topic != made.topic), made], kept, [note, *told]
 
 
 def _on_clock(sources: Sequence[Source], clock: str) -> list[Source]:

@@ -9,7 +9,9 @@ import pytest
 from support.mountain_road import mountain_road
 
 from roadlog.errors import ConfigError, LogReadError
+from roadlog.ingest import ingest
 from roadlog.ingest.reference import reference
+from roadlog.log import create
 from roadlog.roads import formats
 from roadlog.roads.model import RoadModel
 from roadlog.signals import TRUTH_TOPIC
@@ -54,6 +56,17 @@ def test_a_road_is_the_reference_of_its_drive(
         wanted = np.interp(made.time, truth.time, truth.columns[angle])
         error = np.degrees(made.columns[angle] - wanted)[moving]
         assert np.sqrt(np.mean(error**2)) < limit, angle
+
+
+def test_the_reference_takes_the_place_of_the_own_truth_and_says_so(
+    road: RoadModel, drive: Simulation, tmp_path: Path
+) -> None:
+    formats.write(road, tmp_path / "road.xodr")
+    create(tmp_path / "drive.mcap", drive.tables, drive.metadata, drive.vehicle)
+    result = ingest([tmp_path / "drive.mcap"], truth_from=tmp_path / "road.xodr")
+    wanted = "truth: grade and bank by road.xodr; the source's own truth is left out"
+    assert wanted in result.notes
+    assert not [m for m in result.mapped if m.role.startswith("truth.")]
 
 
 def test_another_road_is_no_reference(drive: Simulation, tmp_path: Path) -> None:
