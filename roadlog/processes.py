@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from multiprocessing import parent_process
 from typing import Any
 
 PATIENCE = 5.0  # s for a child to end by itself
@@ -35,3 +39,16 @@ def end_all() -> None:
         process.kill()
         with suppress(subprocess.TimeoutExpired):
             process.wait(1.0)
+
+
+def follow_parent() -> None:
+    """In a process of a pool: leave Ctrl-C to the parent, and do not outlive it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    if parent is not None:
+
+        def follow() -> None:
+            parent.join()
+            os._exit(1)
+
+        threading.Thread(target=follow, daemon=True).start()

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import os
 import queue
-import signal
-import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -20,10 +18,11 @@ from concurrent.futures import (
     wait,
 )
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context
 from typing import Any, Generic, TypeVar
 
 from roadlog.errors import MissingExtraError, RoadlogError
+from roadlog.processes import follow_parent
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -151,20 +150,7 @@ class LocalPool(Executor):
 
 
 def _worker() -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_start_worker)
-
-
-def _start_worker() -> None:
-    """Leave Ctrl-C to the parent, and do not outlive it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
-    if parent is not None:
-
-        def follow() -> None:
-            parent.join()
-            os._exit(1)
-
-        threading.Thread(target=follow, daemon=True).start()
+    return ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=follow_parent)
 
 
 def default_jobs() -> int:

@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from roadlog.errors import ConfigError, near
+from roadlog.processes import follow_parent
 from roadlog.reproduce import documented
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ OWN: dict[str, str] = {
 RUNS = PAPERS | OWN
 
 Form = Literal["printed", "mended", ""]
-T = TypeVar("T")
 R = TypeVar("R")
 
 
@@ -121,10 +121,10 @@ def reproduce(paper: str, update: bool = False) -> Reproduction:
     return replace(result, tables=tables)
 
 
-def over(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
-    """`function` of every item, on every core; both must be picklable."""
-    with ProcessPoolExecutor() as pool:
-        return list(pool.map(function, items))
+def over(function: Callable[..., R], *items: Iterable[Any]) -> list[R]:
+    """`function` of every item (of each, as `map`), on every core; all must be picklable."""
+    with ProcessPoolExecutor(initializer=follow_parent) as pool:
+        return list(pool.map(function, *items))
 
 
 def rms(values: Floats) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +13,7 @@ from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
 from roadlog.estimate import Estimate
 from roadlog.metrics import AngleMetrics, angle_errors, angle_metrics
-from roadlog.reproduce import Claim, Reproduction, ResultRow, ResultTable
+from roadlog.reproduce import Claim, Reproduction, ResultRow, ResultTable, over
 from roadlog.signals import FIX_TOPIC, GNSS_TOPIC, IMU_TOPIC, SECTIONS, SEPARATED, TRUTH_TOPIC
 from roadlog.simulate import SCENARIOS, Simulation, simulate
 from roadlog.simulate.sampling import mounting
@@ -62,8 +61,7 @@ def fusion(seeds: tuple[int, ...] = SEEDS, names: list[str] | None = None) -> Re
     """
     every = scenarios()
     own = [tuple(len(seeds) * every.index(name) + k for k in seeds) for name in names or every]
-    with ProcessPoolExecutor() as pool:
-        cases = list(pool.map(_case, names or every, own))
+    cases = over(_case, names or every, own)
     tables = [
         ResultTable(f"{angle}, {title}", list(_beside(cases, inputs, angle)))
         for inputs, title in INPUT_SETS.items()

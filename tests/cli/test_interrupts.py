@@ -118,3 +118,27 @@ def test_what_swallows_the_signal_ends_too(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
     with pytest.raises(ProcessLookupError):
         os.kill(child, 0)
+
+
+POOL = """
+import os, time
+from roadlog.reproduce import over
+
+def work(_):
+    print(os.getpid(), flush=True)
+    time.sleep(600)
+
+over(work, range(2))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_workers_do_not_outlive_the_run(tmp_path: Path, number: int) -> None:
+    script = tmp_path / "pool.py"
+    script.write_text(POOL)
+    process = start(script)
+    assert process.stdout is not None
+    assert [int(process.stdout.readline()) for _ in range(2)]
+    process.send_signal(number)
+    process.communicate(timeout=DEADLINE)  # ends when the last of them lets go of the output
+    assert process.returncode == -number
