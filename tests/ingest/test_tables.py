@@ -107,6 +107,7 @@ HEADS = {
     "iso with zone": ("Recording started: 2023-11-14T23:13:20+01:00\n", 0),
     "date alone": ("Date,14.11.2023\n", None),
     "of something else": ("Export date,14.11.2023 22:13:20\nLap Time,1:02:03\n", None),
+    "of the file": ("Created,14.11.2023 22:13:20\n", None),
 }
 
 

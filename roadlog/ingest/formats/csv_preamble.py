@@ -15,7 +15,7 @@ from roadlog.ingest.formats.text import moment
 
 _OF = (
     r"(?:(?:log|start(?:ing)?|begin\w*|record\w*|session|measure\w*|mess\w*|aufnahme\w*|aufzeichn\w*"
-    r"|creat\w*|acquisition|acq|test|trigger)[ _-]*(?:of)?[ _-]*)"
+    r"|acquisition|acq|test|trigger)[ _-]*(?:of)?[ _-]*)"  # not of a file's creation: an export
 )
 _DAY, _HOUR = r"(?:date|datum|fecha|data|jour|giorno)", r"(?:time|zeit|uhrzeit|hora|heure|ora)"
 _LABEL = re.compile(
