@@ -186,7 +186,8 @@ class DriveLog:
         try:
             return Drive.from_tables((tables or self.inputs()).values(), rate)
         except LogReadError as error:
-            raise LogReadError("; ".join([f"{self.path}: {error}", *self.losses])) from error
+            causes = [*self.losses, str(error)]  # before the symptom
+            raise LogReadError(f"{self.path}: {'; '.join(causes)}") from error
 
     @cached_property
     def drive_start_ns(self) -> int:

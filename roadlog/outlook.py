@@ -76,7 +76,7 @@ class SensorSet:
 
     def __str__(self) -> str:
         """The IMU in words."""
-        lies = "as its vehicle file says" if self.mounted else "that leans by 1.5 deg, as may be"
+        lies = "as its vehicle file says" if self.mounted else "whose lean, 1.5 deg, nobody stated"
         return f"{'a steady' if self.steady else 'a shaken'} IMU {lies}"
 
 

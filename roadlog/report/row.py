@@ -156,7 +156,8 @@ def run_log(source: FoundLog, options: Options) -> LogResult:
                 _work_on(path, source, options, work)
             except RoadlogError as error:  # say where the log is, not where its download was
                 text = one_line(error).replace(str(path), source.url)
-                work.failures.append(text.removeprefix(f"{source.url}: "))
+                cause = work.row["losses"] if work.detail is None else []  # before the symptom
+                work.failures += [*cause, text.removeprefix(f"{source.url}: ")]
     except RoadlogError as error:
         work.failures.append(one_line(error).removeprefix(f"{source.url}: "))
     except Exception as error:  # a log of another kind of brokenness than we know

@@ -127,6 +127,15 @@ def test_the_same_figures_as_evaluate(logs: Path, tmp_path: Path) -> None:
     assert (again, done) == (rows, 1)
 
 
+def test_a_log_that_is_cut_off_is_said_to_be(logs: Path, drive: Path, tmp_path: Path) -> None:
+    cut = logs / "mon" / "cut.mcap"
+    cut.write_bytes(drive.read_bytes()[:9000])
+    (row,), _ = report(cut, tmp_path / "r")
+    assert row["status"] == "failed"
+    assert row["message"].startswith("it is damaged: ")
+    assert "; no vehicle signals" in row["message"]
+
+
 def test_resume_does_what_changed(logs: Path, drive: Path, tmp_path: Path) -> None:
     out = tmp_path / "report"
     first, _ = report(logs, out)
