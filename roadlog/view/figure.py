@@ -259,7 +259,11 @@ def _angle(
         drawn[name] = axis.plot(part.of(curve)[at], curve.values[at], color=color[name], lw=1.0)[0]
         _band(axis, curve, curve.values, color[name], part)
         _hatch(axis, curve, part)
-    _finish(axis, f"{angle} [{view.unit(angle)}]", _limits(view, angle, part))
+    _finish(
+        axis,
+        f"{angle} [{view.unit(angle)}]",
+        _with_band(view, angle, part, _limits(view, angle, part)),
+    )
     if angle == "grade":
         ways = (percent, degrees) if view.unit(angle) == "°" else (degrees, percent)
         other = axis.secondary_yaxis("right", functions=ways)
@@ -279,6 +283,21 @@ def _limits(view: DriveView, angle: str, part: Extent) -> tuple[float, float]:
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     room = max(0.15 * (high - low), LEAST_ROOM_DEG)
     return low - room, high + room
+
+
+def _with_band(
+    view: DriveView, angle: str, part: Extent, limits: tuple[float, float]
+) -> tuple[float, float]:
+    """The limits, and room for both edges of a band that would else fill the axis."""
+    low, high = limits
+    for name in view.shown.get(angle, ())[:1]:
+        curve = view.estimates[angle][name]
+        at = part.inside(curve) & np.isfinite(curve.values)
+        if curve.sd is not None and np.isfinite(curve.sd[at]).any():
+            reach = BAND_ROOM * float(np.nanmedian(curve.sd[at]))
+            middle = float(np.median(curve.values[at]))
+            low, high = min(low, middle - reach), max(high, middle + reach)
+    return low, high
 
 
 def _errors(axis: Axes, view: DriveView, angle: str, part: Extent, color: dict[str, str]) -> None:

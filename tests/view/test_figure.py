@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,17 @@ def test_figure_over_a_part_of_the_distance(log: DriveLog) -> None:
     low, high = figure.axes[0].get_ylim()  # fits the part
     assert low < shown.min() <= shown.max() < high
     assert high - low < 1.5 * max(np.ptp(shown), 1.0)
+
+
+def test_a_band_wider_than_the_curve_has_edges(log: DriveLog) -> None:
+    view = drive_view(log, ["kmbe"])
+    curve = view.estimates["grade"]["kmbe"]
+    assert curve.sd is not None
+    wide = replace(curve, sd=np.where(np.isfinite(curve.sd), 20.0, np.nan))
+    view = replace(view, estimates={**view.estimates, "grade": {"kmbe": wide}})
+    low, high = angle_figure(view).axes[0].get_ylim()
+    middle = np.nanmedian(curve.values)
+    assert low < middle - 40 < middle + 40 < high
 
 
 def test_slopes_in_percent(log: DriveLog) -> None:
