@@ -1,8 +1,7 @@
 """CPU time of this tree against an earlier commit, in turn, in the same run; and its growth.
 
-The commit is checked out into a folder of its own; both trees read the same logs, each with caches
-of compiled loops and modules of its own. What is printed
-is a ratio: below 1 is faster, beside the goal.
+The commit is checked out into a folder of its own; both trees read the same logs, each with a cache
+of compiled code of its own. What is printed is a ratio: below 1 is faster, beside the goal.
 
 Run: python benchmarks/against.py [--commit C] [--hours 1] [--only first steps long jobs]
 [--estimators kmbe fusion all] [--growth [H ...]] [--peers]
@@ -101,11 +100,8 @@ class Tree:
 
     @property
     def environment(self) -> dict[str, str]:
-        own = {
-            "PYTHONPATH": str(self.sources),
-            "PYTHONPYCACHEPREFIX": str(self.cache / "modules"),
-            "NUMBA_CACHE_DIR": str(self.cache / "numba"),
-        }
+        own = {"PYTHONPATH": str(self.sources), "NUMBA_CACHE_DIR": str(self.cache / "numba")}
+        # modules are kept compiled, as installed ones are
         kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
         return {**kept, **own, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
