@@ -19,6 +19,7 @@ from roadlog.types import Bools, Floats, Stamps
 DEFAULT_RATE = 100.0  # Hz
 MIN_STALE = 0.1  # s; a sample is stale when older than this and STALE_INTERVALS of its channel
 STALE_INTERVALS = 2.5
+KEPT = 256_000_000  # bytes of resampled signals that stay; of a longer drive the last ones
 MAX_DURATION = 7 * 86400.0  # s; beyond this the stamps are wrong, not the drive long
 SPARSE_DURATION = 4 * 3600.0  # s; beyond this there has to be more than
 SPARSEST = 10.0  # s for each sample of the fullest channel
@@ -49,8 +50,8 @@ class Resampled(Mapping[str, Floats]):
     """Signals of channels by role, put on the clock when first asked for by name, and kept.
 
     Hours of forty signals at once are more than the estimators need: they use half of them. So
-    whoever goes through all of them leaves none behind. others: signals that no channel of `native`
-    gives, as they are.
+    whoever goes through all of them leaves none behind, and of a long drive only those asked for
+    last stay. others: signals that no channel of `native` gives, as they are.
     """
 
     def __init__(
@@ -69,15 +70,20 @@ class Resampled(Mapping[str, Floats]):
         self._kept: dict[str, Floats] = {}
 
     def __getitem__(self, role: str) -> Floats:
-        values = self._kept[role] = self.passing(role)
+        values = self.passing(role)
+        self._kept.pop(role, None)
+        self._kept[role] = values  # behind those that were asked for before
+        for longest_unused in list(self._kept)[: -max(1, KEPT // max(1, values.nbytes))]:
+            self._kept.pop(longest_unused, None)  # another thread may have
         return values
 
     def passing(self, role: str) -> Floats:
         """The signal, for one look at it."""
         if role not in self._sources:
             return self._others[role]
-        if role in self._kept:
-            return self._kept[role]
+        kept = self._kept.get(role)
+        if kept is not None:
+            return kept
         samples, signal = self._sources[role]
         return fixed(resample(samples.time, samples.columns[signal.field], self._time, signal))
 

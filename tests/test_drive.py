@@ -109,3 +109,15 @@ def test_a_clock_that_jumps_by_hours_in_a_short_drive_is_refused_before_it_takes
     t[200] += 80_000
     with pytest.raises(LogReadError, match=r"stamps span 0\.9 days; a clock jumped"):
         Drive.from_tables([speed_table(t, np.ones(400))])
+
+
+def test_of_a_long_drive_only_the_signals_asked_for_last_stay(monkeypatch) -> None:
+    drive = Drive.from_tables(hill_tables())
+    roles = list(drive.signals)[:3]
+    first = {role: drive[role] for role in roles}
+    assert all(drive[role] is first[role] for role in roles)
+    monkeypatch.setattr("roadlog.drive.KEPT", 2 * first[roles[0]].nbytes)
+    last = {role: drive[role] for role in roles}
+    assert [drive[role] is last[role] for role in reversed(roles)] == [True, True, False]
+    for role in roles:
+        np.testing.assert_array_equal(drive[role], first[role])

@@ -120,7 +120,7 @@ def build(drive: Drive, vehicle: Vehicle, source: SpeedSource, params: FusionPar
     start = np.full(n, -1, np.int64)
     for number, run in enumerate(runs(alive)):
         start[run.start] = number
-    unknown = np.full((n, len(Fix)), np.nan)
+    unknown = np.broadcast_to(np.nan, (n, len(Fix)))  # until `Inputs.with_fixes`, without memory
     steps = Steps(
         dt=dt,
         force=mean[:, :3].copy(),
