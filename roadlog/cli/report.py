@@ -240,7 +240,7 @@ def _end(made: Report, out: str, slope: str) -> None:
     }
     before = f", {made.done_before} of them done before" if made.done_before else ""
     console.say(
-        f"{len(made.rows)} logs{before}: "
+        f"{console.plural(len(made.rows), 'log')}{before}: "
         + ", ".join(f"{count} {status}" for status, count in counts.items())
     )
     if made.profile.models:

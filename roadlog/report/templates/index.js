@@ -214,7 +214,7 @@ function showDrives(rows, estimator) {
     }
     return table;
   }));
-  byId("count").textContent = shown.length === count ? count + " logs" : shown.length + " of " + count + " logs";
+  byId("count").textContent = (shown.length === count ? "" : shown.length + " of ") + count + (count === 1 ? " log" : " logs");
 }
 
 function showFailures(rows) {
