@@ -2,11 +2,13 @@
 
 Prints one table. Run: python benchmarks/unseen.py FIRST COUNT [FOLDER [JOBS [ESTIMATOR...]]]
 
-FIRST, COUNT: seeds. FOLDER: where simulated drives are kept, so that a later run only estimates.
+FIRST, COUNT: seeds. FOLDER: where simulated drives are kept, so that a later run only estimates,
+and what was found of each by the same code, so that a run that was stopped goes on.
 """
 
 from __future__ import annotations
 
+import json
 import sys
 import zlib
 from collections import defaultdict
@@ -246,6 +248,27 @@ class Row:
     said: tuple[str, ...]
 
 
+def found(seed: int, folder: Path, names: tuple[str, ...], code: int) -> list[Row]:
+    """`estimated`, or what the same code found of it before."""
+    mark = zlib.crc32(repr((names, code, drawn(seed))).encode())
+    kept = folder / f"unseen-{seed}-{mark:08x}.json"
+    if not kept.exists():
+        rows = [asdict(row) for row in estimated(seed, folder, names)]
+        kept.write_text(json.dumps(rows), encoding="utf-8")
+    return [
+        Row(**(row | {"metrics": AngleMetrics(**row["metrics"]), "said": tuple(row["said"])}))
+        for row in json.loads(kept.read_text(encoding="utf-8"))
+    ]
+
+
+def code_of() -> int:
+    """A checksum of roadlog's own code."""
+    mark = 0
+    for path in sorted(Path(estimators.__file__).parent.parent.rglob("*.py")):
+        mark = zlib.crc32(path.read_bytes(), mark)
+    return mark
+
+
 def estimated(seed: int, folder: Path, names: tuple[str, ...] = ()) -> list[Row]:
     """Every estimator that can run on the drive of a seed, against its truth."""
     log = logged(seed, folder)
@@ -266,9 +289,9 @@ def estimated(seed: int, folder: Path, names: tuple[str, ...] = ()) -> list[Row]
         for angle in ANGLES:
             errors = angle_errors(track, truth, angle)
             if errors is not None and errors.valid.any():
-                found = angle_metrics(errors, angle)
+                metrics = angle_metrics(errors, angle)
                 rejected = float((track.flags & FLAGS["rejected"] > 0).mean())
-                rows.append(Row(seed, estimator.name, angle, found, rejected, said))
+                rows.append(Row(seed, estimator.name, angle, metrics, rejected, said))
     return rows
 
 
@@ -281,18 +304,18 @@ def table(rows: list[Row]) -> Iterator[str]:
     for row in rows:
         groups[row.name, row.angle].append(row)
     for (name, angle), group in groups.items():
-        found = [asdict(row.metrics) for row in group]
-        n = np.array([f["n"] for f in found], np.float64)
+        figures = [asdict(row.metrics) for row in group]
+        n = np.array([f["n"] for f in figures], np.float64)
 
-        def pooled(key: str, power: int = 1, found: Any = found, n: Any = n) -> float:
-            values = np.array([np.nan if f[key] is None else f[key] for f in found])
+        def pooled(key: str, power: int = 1, figures: Any = figures, n: Any = n) -> float:
+            values = np.array([np.nan if f[key] is None else f[key] for f in figures])
             known = np.isfinite(values)
             if not known.any():
                 return float("nan")
             mean = np.average(values[known] ** power, weights=n[known])
             return float(mean ** (1 / power))
 
-        near = np.mean([(f["within_2sd"] or 0) >= NEAR for f in found])
+        near = np.mean([(f["within_2sd"] or 0) >= NEAR for f in figures])
         yield (
             f"| `{name}` | {angle} | {len(group)} | {pooled('rmse_deg', 2):.3f} "
             f"| {pooled('std_deg', 2):.3f} | {100 * pooled('within_2sd'):.1f} % "
@@ -319,8 +342,8 @@ def main() -> None:
     names = tuple(sys.argv[5:])
     folder.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(jobs) as pool:
-        work = partial(estimated, folder=folder, names=names)
-        rows = [row for found in pool.map(work, range(first, first + count)) for row in found]
+        work = partial(found, folder=folder, names=names, code=code_of())
+        rows = [row for of_one in pool.map(work, range(first, first + count)) for row in of_one]
     print("\n".join(table(rows)))
     print("\n" + behind(rows))
     for row in rows:

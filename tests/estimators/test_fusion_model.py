@@ -6,6 +6,7 @@ import pytest
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimators.fusion import model
+from roadlog.estimators.fusion.body import body_pitch, body_roll
 from roadlog.estimators.fusion.inputs import Inputs
 from roadlog.estimators.fusion.mounting import mounting_prior
 from roadlog.estimators.fusion.noise import Noise, noise_of
@@ -14,7 +15,7 @@ from roadlog.estimators.fusion.priors import priors
 from roadlog.estimators.fusion.rauch_tung_striebel import transition
 from roadlog.estimators.fusion.rows import is_there, row
 from roadlog.estimators.fusion.states import DRIVEN, DRIVERS, FIRST_FIX, ROWS, N, Row, State
-from roadlog.estimators.fusion.steps import Steps, table
+from roadlog.estimators.fusion.steps import Steps, Sway, table
 from roadlog.types import Floats, Record
 
 K = 500  # a step at which every row of the road is used
@@ -80,7 +81,7 @@ BODY_PITCH = (
 BODY_ROLL = (State.MOUNTING_ROLL, State.BODY_ROLL, State.ROLL_GRADIENT, State.ACCEL_BIAS_Y)
 OMITTED = {
     Row.SPEED: (*BODY_PITCH, State.MOUNTING_YAW, State.V, State.W),
-    Row.SLIP: BODY_ROLL,
+    Row.SLIP: (*BODY_ROLL, State.W),
     Row.CONTACT: BODY_ROLL,
 }
 
@@ -109,6 +110,11 @@ def test_rows_are_the_jacobians_of_their_residuals(
         expected[State.ACCEL_BIAS_X] -= (
             (1 + x[State.SPEED_SCALE]) * x[State.PITCH_GRADIENT] * x[State.W]
         )
+    if kind == Row.SLIP:  # and levers that hold the noise of the force
+        expected[State.U] -= x[State.SLIP_GRADIENT] * s.sway[Sway.TIRE]
+    if kind == Row.CONTACT:
+        expected[State.U] -= body_pitch(x, s.sway)
+        expected[State.V] -= body_roll(x, s.sway)
     np.testing.assert_allclose(h, expected, atol=1e-6)
 
 

@@ -98,8 +98,23 @@ def refused(fit: Fit) -> Fit:
     return replace(fit, P0=P0, doubts=tuple(said))
 
 
-def tempered(variance: Floats, prior: Floats | float, factor: float) -> Floats:
-    """A variance of which what was added to the prior counts 1 / factor^2; at most the prior's."""
+def tempered(
+    variance: Floats, prior: Floats | float, factor: float, systematic: float = 0.0
+) -> Floats:
+    """A variance of which what was added to the prior counts 1 / factor^2; at most the prior's.
+
+    systematic: of what was added, the variance that all of it shares and no sample averages out.
+    """
     gained = np.maximum(1 / np.maximum(variance, 1e-300) - 1 / np.maximum(prior, 1e-300), 0.0)
-    softer = 1 / (1 / np.maximum(prior, 1e-300) + gained / factor**2)
-    return np.maximum(variance, softer)
+    counts = gained / (factor**2 + systematic * gained)
+    return np.maximum(variance, 1 / (1 / np.maximum(prior, 1e-300) + counts))
+
+
+def believed(variance: Floats, softer: Floats, prior: float) -> float:
+    """Share of the way from its prior to what was found that a constant goes, 0 to 1.
+
+    variance: as found; softer: as `tempered`. Both are of one measurement beside the prior, so the
+    way goes with what either has of the prior's variance taken away.
+    """
+    gained, kept = prior - np.nanmedian(variance), prior - np.nanmedian(softer)
+    return float(np.clip(kept / gained, 0.0, 1.0)) if gained > 0 else 0.0

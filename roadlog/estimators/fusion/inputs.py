@@ -22,8 +22,8 @@ from roadlog.estimators.fusion.states import N, State
 from roadlog.estimators.fusion.steps import STEP_RATE, Fix, Steps, Sway, grid
 from roadlog.estimators.fusion.torque import torque_bias
 from roadlog.filters.kernels import odd_window, slope
-from roadlog.filters.lowpass import first_order, second_order
-from roadlog.motion.imu_noise import MAX_FORCE, MAX_RATE
+from roadlog.filters.lowpass import first_order, gaussian, second_order
+from roadlog.motion.imu_noise import MAX_FORCE, MAX_RATE, ImuNoise
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -38,6 +38,8 @@ STILL_SPEED, STILL_TIME = 0.06, 0.3  # m/s, s to either side
 STILL_GYRO, STILL_ACCEL = 0.003, 0.03  # rad/s, m/s2, floor of the quiet peak-to-peak
 QUIET_PERCENTILE, QUIET_FACTOR = 29, 3
 SWINGING = 0.03  # rad/s; beyond, an antenna a meter away moves sideways by more than its noise
+SWAY_NOISE = 0.2  # m/s2, of the sensor, that may be left in the force that moves the body
+SLOWEST_SWAY = 0.3  # Hz; a shaken sensor's force is smoothed to no slower than a maneuver
 CREEP = 1.0  # m/s, below this unsigned wheel sensors say little
 
 
@@ -114,9 +116,13 @@ def build(drive: Drive, vehicle: Vehicle, source: SpeedSource, params: FusionPar
     shown = interpolated(source, time)
     still = _standstill(shown, point, alive)
     speed[still] = np.nan  # the standstill rows say it better
-    sway = np.zeros((n, len(Sway)))
+    sway, at_most = np.zeros((n, len(Sway))), steady_band(ImuNoise.of(drive.native["imu"]))
     for run in runs(alive):
-        sway[run] = _sway(point[run], vehicle)
+        felt = point[run].copy()
+        if params.smooth and at_most < STEP_RATE / 2:
+            for axis in range(2):
+                felt[:, axis] = gaussian(felt[:, axis], at_most, STEP_RATE)
+        sway[run] = _sway(felt, vehicle)
     start = np.full(n, -1, np.int64)
     for number, run in enumerate(runs(alive)):
         start[run.start] = number
@@ -141,6 +147,15 @@ def build(drive: Drive, vehicle: Vehicle, source: SpeedSource, params: FusionPar
         height=height,
     )
     return steps._replace(starts=np.array([_start(run, steps, shown) for run in runs(alive)]))
+
+
+def steady_band(noise: ImuNoise) -> float:
+    """Hz, up to which the force that moves the body and the tires is told from the sensor's noise.
+
+    What is noise in it reads as smaller gradients, and bends mounting and bias with them.
+    """
+    white = max(float(noise.accel[:2].max()), 1e-9)
+    return max(SWAY_NOISE**2 / (2 * white**2), SLOWEST_SWAY)
 
 
 def _sway(point: Floats, vehicle: Vehicle) -> Floats:

@@ -65,6 +65,8 @@ def _used(fit: Fit) -> list[str]:
 def _clocks(fit: Fit) -> list[str]:
     """On a speed or a receiver that is late."""
     source, said = fit.inputs.source, []
+    if source.driven:
+        said.append(f"the {source.driven} wheels run ahead under drive: taken as the driven ones")
     if source.lag:
         said.append(f"{source.name} is {source.lag:+.2f} s late, and was moved")
     if source.edge:

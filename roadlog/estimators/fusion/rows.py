@@ -91,12 +91,13 @@ def _speed(x: Floats, s: Record, h: Floats) -> float:
 def _slip(x: Floats, s: Record, h: Floats) -> float:
     """m/s, sideways velocity of the rear axle beyond that of a linear tire: 0.
 
-    No derivative to the body roll, whose lever w is noise.
+    No derivative to the body roll, whose lever w is noise; nor by what the force tells of u and w:
+    its noise is in v as well, and a lever times a residual with the same noise in it has a mean.
     """
     r = s.rate_at[2] - x[S.GYRO_BIAS_Z]
     roll = x[S.MOUNTING_ROLL] + body_roll(x, s.sway)
     angle = x[S.MOUNTING_YAW] + x[S.SLIP_GRADIENT] * s.sway[Sway.TIRE]
-    h[S.V], h[S.W], h[S.U] = 1.0, -roll, angle
+    h[S.V], h[S.U] = 1.0, x[S.MOUNTING_YAW]
     h[S.GYRO_BIAS_Z], h[S.REAR_AXLE_X] = -x[S.REAR_AXLE_X], r
     h[S.MOUNTING_YAW], h[S.SLIP_GRADIENT] = x[S.U], s.sway[Sway.TIRE] * x[S.U]
     return x[S.V] + r * x[S.REAR_AXLE_X] - roll * x[S.W] + angle * x[S.U]
@@ -107,7 +108,7 @@ def _contact(x: Floats, s: Floats, h: Floats) -> float:
     """m/s, velocity of the car out of the road: 0.
 
     No derivative to the body roll: its lever v is as small as what else moves a car sideways, and
-    would turn the mounting.
+    would turn the mounting. The levers of u and v are the mounting's alone, as in `_slip`.
     """
     pitch = x[S.MOUNTING_PITCH] + body_pitch(x, s)
     roll = x[S.MOUNTING_ROLL] + body_roll(x, s)
@@ -115,7 +116,7 @@ def _contact(x: Floats, s: Floats, h: Floats) -> float:
     h[S.MOUNTING_PITCH] += 1.0
     for i in range(N):
         h[i] *= x[S.U]
-    h[S.W], h[S.V], h[S.U] = 1.0, roll, pitch
+    h[S.W], h[S.V], h[S.U] = 1.0, x[S.MOUNTING_ROLL], x[S.MOUNTING_PITCH]
     return x[S.W] + roll * x[S.V] + pitch * x[S.U]
 
 

@@ -13,9 +13,8 @@ from roadlog.car.suspension import knows_springs
 from roadlog.drive import runs
 from roadlog.errors import EstimatorError
 from roadlog.estimators.fusion.body import body_pitch, body_roll
-from roadlog.estimators.fusion.consistency import Consistency, tempered
+from roadlog.estimators.fusion.consistency import Consistency, believed, tempered
 from roadlog.estimators.fusion.fit import Fit
-from roadlog.estimators.fusion.inputs import Inputs
 from roadlog.estimators.fusion.noise import ROAD_BAND
 from roadlog.estimators.fusion.outputs import Output
 from roadlog.estimators.fusion.priors import LOAD_SD
@@ -30,7 +29,7 @@ from roadlog.estimators.fusion.states import (
     Row,
     State,
 )
-from roadlog.estimators.fusion.steps import HEIGHTS, STEP_RATE, Steps, beginning, grid, has
+from roadlog.estimators.fusion.steps import HEIGHTS, STEP_RATE, beginning, grid, has
 from roadlog.filters import Engine
 from roadlog.filters.lowpass import gaussian
 from roadlog.types import Bools, Floats
@@ -42,8 +41,13 @@ SHIFTED = {  # output -> column of the offset in it
     Output.BANK: 1,
     Output.ROLL_TOTAL: 1,
 }
+OFFSET_PARTS = (  # of grade and bank: constants, and rad of offset in one unit of each
+    ((State.ACCEL_BIAS_X, 1 / G), (State.MOUNTING_PITCH, 1.0)),
+    ((State.ACCEL_BIAS_Y, 1 / G), (State.MOUNTING_ROLL, 1.0)),
+)
 UNITS = "its states end as no number: check units, axes and clocks (`roadlog info`)"
-LOOSE_PITCH = np.radians(0.5)  # rad, of a mounting that nobody stated and the road row alone tells
+# rad, of an offset that the road alone tells: of a mounting that nobody stated, and of a stated one
+LOOSE_PITCH, LOADED_PITCH = np.radians(0.5), np.radians(0.3)
 UNKNOWN_ARM = 0.03  # m/s2, of an accelerometer bias found in curves, the IMU's place unknown
 
 
@@ -79,11 +83,11 @@ def solved(fit: Fit, engine: Engine) -> Solution:
     if not np.isfinite(smoothed.x_end).all():
         raise EstimatorError("fusion cannot run: IMU and speed do not fit one car; " + UNITS)
     consistency = Consistency.of(fit, smoothed.x_end)
-    offset = _offset_variance(fit, smoothed, consistency)
+    offset, shares = _offset_variance(fit, smoothed, consistency)
     return Solution(
         fit=fit,
         time=grid(fit.inputs.drive),
-        angles=_angles(fit, smoothed),
+        angles=_angles(fit, smoothed, shares),
         known=np.isfinite(smoothed.shape_variance[:, Output.GRADE]),
         variance=_variances(fit, smoothed, offset, consistency),
         offset_sd=np.sqrt(offset),
@@ -94,15 +98,21 @@ def solved(fit: Fit, engine: Engine) -> Solution:
     )
 
 
-def _angles(fit: Fit, smoothed: Smoothed) -> dict[str, Floats]:
+def _angles(fit: Fit, smoothed: Smoothed, shares: Floats) -> dict[str, Floats]:
     """The road's and the body's angles.
 
     Mounting and load turn the body alike: data give their sum, the priors divide it. Of what the
     road does faster than ROAD_BAND the body's own bounce is the larger part; it counts as body.
+    shares (2,): of the offsets found of grade and bank, what is believed.
     """
     x, s = smoothed.x.T, fit.steps.sway.T
-    inclination = x[State.THETA] - x[State.MOUNTING_PITCH]
-    roll_total = x[State.PHI] - x[State.MOUNTING_ROLL]
+    begin = fit.steps.starts[0]
+    back = [
+        (1 - share) * sum((x[state] - begin[state]) * per for state, per in parts)
+        for share, parts in zip(shares, OFFSET_PARTS, strict=True)
+    ]
+    inclination = x[State.THETA] - x[State.MOUNTING_PITCH] + back[0]
+    roll_total = x[State.PHI] - x[State.MOUNTING_ROLL] + back[1]
     grade, bank = inclination - body_pitch(x, s), roll_total - body_roll(x, s)
     if fit.inputs.params.smooth:
         grade, bank = _slow(grade, fit.steps.alive), _slow(bank, fit.steps.alive)
@@ -134,18 +144,25 @@ def _load_share(fit: Fit) -> float:
     return float(load**2 / (load**2 + fit.inputs.mounting.sd[1] ** 2))
 
 
-def _offset_variance(fit: Fit, smoothed: Smoothed, consistency: Consistency) -> Floats:
-    """rad2 (n, 2), of the constants that shift all of grade and of bank."""
+def _offset_variance(
+    fit: Fit, smoothed: Smoothed, consistency: Consistency
+) -> tuple[Floats, Floats]:
+    """rad2 (n, 2), of the constants that shift all of grade and of bank; and the share of what was
+    found of either (2,) that is believed: the mean goes as far as the variance says.
+    """
     found = np.maximum(smoothed.variance[:, :2] - smoothed.shape_variance, 0.0)
     P0 = np.diag(fit.P0)
-    before = P0[[State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y]] / G**2
-    before = before + P0[[State.MOUNTING_PITCH, State.MOUNTING_ROLL]]
     factors = (
         consistency.factor(Row.SPEED, Row.CONTACT),
         consistency.factor(Row.SPEED, Row.SLIP),
     )
-    columns = [tempered(found[:, i], before[i], factors[i]) for i in range(2)]
-    return np.stack(columns, axis=1) + _systematic(fit.inputs, fit.steps)
+    columns, shares = [], []
+    for i, parts in enumerate(OFFSET_PARTS):
+        before = float(sum(P0[state] * per**2 for state, per in parts))
+        shared = _loose_pitch(fit) ** 2 if i == 0 else 0.0
+        columns.append(tempered(found[:, i], before, factors[i], shared))
+        shares.append(believed(found[:, i], columns[i], before))
+    return np.stack(columns, axis=1) + _unknown_arm(fit), np.array(shares)
 
 
 def _variances(
@@ -189,17 +206,25 @@ def _constants(fit: Fit, smoothed: Smoothed, consistency: Consistency) -> dict[s
     return columns
 
 
-def _systematic(inputs: Inputs, steps: Steps) -> Floats:
-    """rad2 (2,), of grade and bank, that no row knows of.
+def _loose_pitch(fit: Fit) -> float:
+    """rad, by which what the road tells of the offset of grade is off as a whole.
 
-    Where the IMU's place is not known, its own acceleration in a bend looks like a bias; where its
-    mounting is not, what turns the body with the speed looks like a mounting. Climb or altitude
-    keep both out of the grade.
+    What turns the body with the speed, or who sits where, looks like a mounting. Climb or altitude
+    keep it out of the grade.
     """
-    has_heights = has(steps, *HEIGHTS)
-    result = np.zeros(2)
-    if inputs.vehicle.imu_position is None:
-        result += (UNKNOWN_ARM / G) ** 2 * np.array([not has_heights, True])
-    if not inputs.vehicle.states_mounting and not has_heights:
-        result[0] += min(LOOSE_PITCH, inputs.params.mounting_sd) ** 2
-    return result
+    vehicle = fit.inputs.vehicle
+    if has(fit.steps, *HEIGHTS):
+        return 0.0
+    if not vehicle.states_mounting:
+        return LOOSE_PITCH
+    is_known = vehicle.imu_position is not None and knows_springs(vehicle, "pitch")
+    return 0.0 if is_known else LOADED_PITCH
+
+
+def _unknown_arm(fit: Fit) -> Floats:
+    """rad2 (2,), of grade and bank: where the IMU's place is not known, its own acceleration in a
+    bend looks like a bias. Climb or altitude keep it out of the grade.
+    """
+    if fit.inputs.vehicle.imu_position is not None:
+        return np.zeros(2)
+    return (UNKNOWN_ARM / G) ** 2 * np.array([not has(fit.steps, *HEIGHTS), True])

@@ -13,6 +13,7 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive, Samples, nan_mean
 from roadlog.estimators.fusion.steps import STEP_RATE
 from roadlog.motion.evidence import Evidence, unexplained
+from roadlog.signals import WHEELS
 from roadlog.types import Bools, Floats
 
 SPEED_GAP = 3.0  # s without speed, flagged
@@ -28,6 +29,11 @@ DELAY_CORRELATION = (
 DELAY_COHERENCE = 0.9  # correlation of the two speeds, below which no delay is looked for
 DELAY_SPREAD = 0.5  # m/s, sd of the speed, below which neither
 DELAY_GATE = 3.0  # sd, a smaller delay is not applied
+# s2/m, sd: by how much a driven axle runs ahead of the other, per driving force; usual is 0.009
+AXLE_SLIP, AXLE_GATE = 0.003, 4.0
+STRAIGHT, ROLLING = 0.1, 5.0  # rad/s, m/s, within and beyond which the axles are compared
+MIN_INDEPENDENT, LEAST_SPREAD = 10.0, 1e-12  # such samples; (m/s2)2
+SLIP_TIME = 1.0  # s, sd of the window over which they are; samples as far apart are independent
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,8 @@ class SpeedSource:
     """The speed channel: name, samples, and how far left of the center line it is measured (m).
 
     lag: s, by which its samples have been moved to be on time; `edge`: they lie LATEST or more
-    apart from the accelerations, and were not moved.
+    apart from the accelerations, and were not moved. driven: the axle that was found to be driven,
+    where the vehicle file does not say it and takes another for it.
     """
 
     name: str
@@ -45,6 +52,7 @@ class SpeedSource:
     offset_sd: float
     lag: float = 0.0
     edge: bool = False
+    driven: str = ""
 
 
 def speed_source(drive: Drive, vehicle: Vehicle) -> SpeedSource:
@@ -56,9 +64,10 @@ def speed_source(drive: Drive, vehicle: Vehicle) -> SpeedSource:
         return SpeedSource(best, *known_samples(samples.time, value), 0.0, 0.02)
     front = [name for name in ("fl", "fr") if name in samples.columns]
     rear = [name for name in ("rl", "rr") if name in samples.columns]
-    if vehicle.driven == "rear" and front:
+    driven = driven_axle(drive, vehicle)
+    if driven == "rear" and front:
         rear = []
-    elif vehicle.driven == "front" and rear:
+    elif driven == "front" and rear:
         front = []
     rows = [samples.columns[name] for name in rear]
     rows += [_at_rear_axle(samples, name, drive, vehicle) for name in front]
@@ -67,7 +76,33 @@ def speed_source(drive: Drive, vehicle: Vehicle) -> SpeedSource:
     offset = sides * vehicle.track / 2
     offset_sd = 0.05 if sides else 0.02  # m; of one wheel the track is not that well known
     time, value = known_samples(samples.time, nan_mean(np.stack(rows)))
-    return SpeedSource(f"wheel_speeds ({', '.join(wheels)})", time, value, offset, offset_sd)
+    name, other = f"wheel_speeds ({', '.join(wheels)})", driven if driven != vehicle.driven else ""
+    return SpeedSource(name, time, value, offset, offset_sd, driven=other)
+
+
+def driven_axle(drive: Drive, vehicle: Vehicle) -> str:
+    """As the vehicle file says; where it does not, the axle that runs ahead when the car is driven.
+
+    A driven wheel slips by its force, which reads as a speed error of the sign of the grade.
+    """
+    evidence = Evidence.of(drive)
+    needed = [*(f"wheel_speeds.{wheel}" for wheel in WHEELS), "imu.accel_x", "imu.gyro_z"]
+    if vehicle.source("driven").kind != "default" or not all(role in evidence for role in needed):
+        return vehicle.driven
+    *wheels, force, turn = (evidence.smooth(evidence[role], SLIP_TIME) for role in needed)
+    front, rear = 0.5 * (wheels[0] + wheels[1]), 0.5 * (wheels[2] + wheels[3])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ahead = (rear - np.sqrt(np.maximum(front**2 - (vehicle.wheelbase * turn) ** 2, 0))) / rear
+        use = (force > 0) & (rear > ROLLING) & (np.abs(turn) < STRAIGHT) & np.isfinite(ahead)
+    independent = use.sum() / evidence.rate / SLIP_TIME
+    if independent < MIN_INDEPENDENT:
+        return vehicle.driven
+    x, y = force[use] - force[use].mean(), ahead[use] - ahead[use].mean()
+    slip = float(x @ y / max(x @ x, LEAST_SPREAD))
+    sd = float(np.sqrt(np.mean((y - slip * x) ** 2) / max(np.mean(x**2), LEAST_SPREAD) / independent))
+    if abs(slip) < max(AXLE_SLIP, AXLE_GATE * sd):
+        return vehicle.driven
+    return "rear" if slip > 0 else "front"
 
 
 def on_time(source: SpeedSource, drive: Drive) -> SpeedSource:
