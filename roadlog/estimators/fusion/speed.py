@@ -99,7 +99,9 @@ def driven_axle(drive: Drive, vehicle: Vehicle) -> str:
         return vehicle.driven
     x, y = force[use] - force[use].mean(), ahead[use] - ahead[use].mean()
     slip = float(x @ y / max(x @ x, LEAST_SPREAD))
-    sd = float(np.sqrt(np.mean((y - slip * x) ** 2) / max(np.mean(x**2), LEAST_SPREAD) / independent))
+    sd = float(
+        np.sqrt(np.mean((y - slip * x) ** 2) / max(np.mean(x**2), LEAST_SPREAD) / independent)
+    )
     if abs(slip) < max(AXLE_SLIP, AXLE_GATE * sd):
         return vehicle.driven
     return "rear" if slip > 0 else "front"
