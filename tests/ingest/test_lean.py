@@ -8,7 +8,7 @@ from support.drives import table
 from support.phone_drive import FLAT, PhoneDrive
 
 from roadlog.drive import Drive
-from roadlog.ingest.drafting.lean import Mounting, mounting
+from roadlog.ingest.drafting.lean import Lean, mounting
 from roadlog.ingest.profile import Profile
 from roadlog.motion.evidence import Evidence
 
@@ -23,7 +23,7 @@ def turned(rpy_deg: tuple[float, float, float]) -> np.ndarray:
     return FLAT @ (about_z @ about_y @ about_x).T
 
 
-def drafted(lies: np.ndarray, **more: np.ndarray) -> Mounting:
+def drafted(lies: np.ndarray, **more: np.ndarray) -> Lean:
     """What the drive says of a phone that lies so; `more`: columns of its fixes."""
     t, f = np.arange(0, 200, 0.02), np.arange(0, 200, 1.0)
     force, rate = (values @ lies.T for values in DRIVE.imu(t))
