@@ -30,7 +30,9 @@ _CLOCK = re.compile(
 _NUMBERS = re.compile(
     r"(?<!\d)(?:\d{4}([-/.])\d{1,2}\1\d{1,2}|\d{1,2}([-/.])\d{1,2}\2\d{2,4})(?!\d)"
 )
-_WORDS = re.compile(r"(?:[^\W\d]+\.? +\d{1,2}|\d{1,2}\.? +[^\W\d]+\.?),? +\d{4}")
+_WORDS = re.compile(
+    r"(?:(?<![^\W\d])[^\W\d]++\.? ++\d{1,2}|(?<!\d)\d{1,2}\.? ++[^\W\d]++\.?),? ++\d{4}"
+)
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ DAY_FIRST, MONTH_FIRST = (
 _SLASHED = re.compile(r"\s*(\d{1,2})/(\d{1,2})/\d{2}(?:\d{2})?[ T]")
 # head up to the minute, seconds, fraction, and what follows: a zone, AM or PM
 _CLOCK = re.compile(
-    r"^\s*(.*?\d{1,2}:\d{2}):(\d{2})(?:[.,:](\d+))?\s*([A-Za-z]{0,3}|[+-]\d{2}:?\d{2})\s*$"
+    r"^\s*+(.*?\d{1,2}:\d{2}):(\d{2})(?:[.,:](\d+))?\s*+([A-Za-z]{0,3}|[+-]\d{2}:?\d{2})\s*$"
 )
 _BRACKETS = re.compile(r"[\[(]([^\[(\])]*)[\])]\s*$")
 # what C's asctime and Java's Date write: Sun Mar 01 09:00:06 GMT+08:00 2026
