@@ -19,6 +19,7 @@ from roadlog.types import Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
 SLOWEST = 0.25  # s between samples
+LOW_RATE = 15.0  # Hz; wheels and engine mounts shake a body at 8 to 15 Hz and above
 GAP, GAPS = 0.2, 0.05  # s without samples that no estimator bridges; share of the log
 VIBRATION = 2.0  # m/s2 from sample to sample; the roughest of the public drives has 0.7
 COARSE = {"accel": 0.15, "gyro": float(np.radians(0.4))}  # m/s2, rad/s: 0.9 deg of grade
@@ -68,6 +69,15 @@ def _slow(table: Table) -> Iterator[Finding]:
             1 / usual,
         )
         return
+    if usual > 1 / LOW_RATE:
+        yield Finding(
+            "low_rate",
+            "note",
+            ("imu",),
+            f"comes at {1 / usual:.3g} Hz: what shakes the car faster folds into it as noise",
+            "log it at 50 Hz or more, or let the logger average before it leaves samples out",
+            value=1 / usual,
+        )
     lost = steps[steps > max(stale_limit(np.multiply(table.time, 1e-9)), GAP)]
     share = float(lost.sum() / max(steps.sum(), 1e-9))
     if share > GAPS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.drives import ROOT
+from support.drives import ROOT, Run
 
 from roadlog import checks
 from roadlog.ingest import ingest
@@ -93,6 +94,21 @@ def test_a_long_table_is_pivoted(cases):
     for topic, field in (("/speed", "v"), ("/gnss", "speed"), ("/gnss", "altitude")):
         assert np.isfinite(found[topic].columns[field]).sum() == 120
     assert np.isfinite(found["/gnss"].columns["longitude"]).sum() > 100
+
+
+def test_a_slow_noisy_imu_is_said_and_counted(cases, roadlog: Run):
+    folder = cases / "slow_noisy_imu"
+    subprocess.run([sys.executable, folder / "make.py", "0.02", "0.4", "10"], check=True)
+    log, truth = folder / "log.csv", folder / "truth.csv"
+    for words in (
+        ("profile", "new", log, "-o", "p.toml"),
+        ("ingest", log, "-o", "d.mcap", "--profile", "p.toml", "--truth-from", truth),
+        ("estimate", "d.mcap", "-e", "fusion"),
+    ):
+        assert roadlog(*words).returncode == 0
+    assert "note: imu: comes at 10 Hz" in roadlog("info", "d.mcap").stdout
+    found = json.loads(roadlog("evaluate", "d.mcap", "--json").stdout)
+    assert found["estimates"]["fusion"]["grade"]["within_2sd"] > 0.9
 
 
 def test_torque_takes_the_clock_that_has_times(cases):
