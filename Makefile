@@ -9,14 +9,14 @@ demo: $(VENV)/runs
 	$(BIN)/roadlog demo
 
 test: $(VENV)/installed
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 test-all: $(VENV)/installed
-	$(BIN)/python -m pytest -m "" -n 2 --dist loadfile
+	$(BIN)/python -m pytest -m "" -n 2 --dist worksteal
 
 # the suite as a system without POSIX has it: no fcntl, no fork, no fchmod, no rights of users
 test-no-posix: $(VENV)/installed
-	PYTHONPATH=tests $(BIN)/python -m pytest -p support.no_posix -n 2 --dist loadfile
+	PYTHONPATH=tests $(BIN)/python -m pytest -p support.no_posix -n 2 --dist worksteal
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check .

@@ -132,6 +132,7 @@ over(work, range(2))
 """
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the script's pool is of forked processes")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_workers_do_not_outlive_the_run(tmp_path: Path, number: int) -> None:
     script = tmp_path / "pool.py"
