@@ -125,7 +125,7 @@ import os, time
 from roadlog.reproduce import over
 
 def work(_):
-    os.write(1, b"at work\n")  # at once, where print would write the line's end apart
+    os.write(1, b"at work\\n")  # at once, where print would write the line's end apart
     time.sleep(600)
 
 over(work, range(2))
