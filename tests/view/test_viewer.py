@@ -109,8 +109,8 @@ def serving(log: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
                 yield found.group(), process
                 break
     finally:
-        process.kill()
-        process.wait()
+        process.terminate()  # not kill: it ends its server
+        process.communicate(timeout=60)
 
 
 def test_web_viewer_listens_on_loopback_only_and_ends_with_ctrl_c(log: DriveLog) -> None:
