@@ -26,6 +26,8 @@ from roadlog.storage.protobuf_fields import (
 from roadlog.storage.records import Damage, Schema
 from roadlog.storage.walk import NAMES
 
+MAX_VARINT = 10  # bytes of 64 bits, seven each
+
 
 class NoLayout(Exception):
     """A payload that has no layout: broken, or with a group in it."""
@@ -82,14 +84,8 @@ class Protobuf(Codec):
             field = fields.get(tag >> 3)
             start, size = position, 0
             if wire == VARINT:
-                while data[position] & 0x80:
-                    found.mask[position] = 0x80
-                    position += 1
-                found.mask[position] = 0x80
-                position += 1
+                position = _past_varint(data, position, found.mask)
                 size = position - start
-                if size > 10:
-                    raise NoLayout
             elif wire == LENGTH:
                 size, start = _fixed_varint(data, position, found.mask)
                 position = start + size
@@ -169,15 +165,11 @@ class Protobuf(Codec):
                 return
             first, varint = position, 0
             if field.wire == VARINT:
-                while data[position] & 0x80:
-                    found.mask[position] = 0x80
-                    position += 1
-                found.mask[position] = 0x80
-                position += 1
+                position = _past_varint(data, position, found.mask)
                 varint = position - first
             else:
                 position += field.dtype.itemsize
-            if position > end or varint > 10:
+            if position > end:
                 raise NoLayout
             found.values[f"{path}.{k}"] = Value(first, field.dtype, varint, field.zigzag)
             found.elements[path] = k + 1
@@ -265,6 +257,18 @@ def _fixed_varint(data: bytes, position: int, mask: bytearray) -> tuple[int, int
             return value, position
         if shift > 63:
             raise NoLayout
+
+
+def _past_varint(data: bytes, position: int, mask: bytearray) -> int:
+    """What is behind a varint that must be as long, of any value, in every message."""
+    start = position
+    while data[position] & 0x80:
+        mask[position] = 0x80
+        position += 1
+    mask[position] = 0x80
+    if position - start >= MAX_VARINT:
+        raise NoLayout
+    return position + 1
 
 
 def _forget(path: str, found: _Found) -> None:
