@@ -41,8 +41,9 @@ def plot(
 ) -> None:
     """Draw angles against truth with ±2 sd bands, and errors.
 
-    Without -e the three most prominent estimators of each angle are drawn. --detail draws further
-    channels of the estimators whose truth the log holds, like tire forces.
+    Without -e the three most prominent estimators of each angle are drawn, those left out whose own
+    sd mostly exceeds 1 deg. --detail draws further channels of the estimators whose truth the log
+    holds, like tire forces.
 
     Example: roadlog plot drive.mcap -e fusion --angle grade --over distance --to 900 -o grade.svg
     """
