@@ -66,8 +66,6 @@ def plot(
         for note in shown.notes:
             console.note(note)
         write_figure(in_percent(shown) if slope == "percent" else shown, out, part, further or ())
-    groups = [p.estimates for p in shown.fields.values()] if further else shown.shown.values()
-    drawn = {name for labels in groups for name in labels}
-    names_drawn = ", ".join(name for name in shown.estimators if name in drawn)
-    console.say(f"{out}: {names_drawn or 'the truth alone; no estimates are in the log'}")
+    drawn = ", ".join(shown.drawn(bool(further)))
+    console.say(f"{out}: {drawn or 'the truth alone; no estimates are in the log'}")
     console.warn_losses([f"{log.path}: {loss}" for log in opened for loss in log.losses])

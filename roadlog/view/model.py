@@ -87,6 +87,12 @@ class DriveView:
         """Of an angle and its errors."""
         return self.slope if angle in SLOPES else "°"
 
+    def drawn(self, further: bool = False) -> tuple[str, ...]:
+        """Labels of the estimators that a figure of the angles, or of further channels, draws."""
+        groups = [p.estimates for p in self.fields.values()] if further else self.shown.values()
+        there = {label for labels in groups for label in labels}
+        return tuple(label for label in self.estimators if label in there)
+
 
 _INPUTS = {
     "specific force": ("m/s²", ("imu.accel_x", "imu.accel_y", "imu.accel_z")),
@@ -162,7 +168,7 @@ def drive_view(
         drive_scene(drives[0], runs, shown),
         {label: picture for run in runs for label, picture in stop_pictures(run).items()},
         summary_texts(runs, found),
-        tuple(_notes(runs)),
+        (*_notes(runs), *_unsure(estimates, shown)),
     )
 
 
@@ -224,6 +230,19 @@ def _first(curves: Mapping[str, Curve]) -> tuple[str, ...]:
         if curve.sd is None or not np.nanmedian(np.nan_to_num(curve.sd, nan=np.inf)) > UNSURE
     ]
     return tuple(sure[:SHOWN_FIRST]) or tuple(curves)[:1]
+
+
+def _unsure(
+    estimates: Mapping[str, Mapping[str, Curve]], shown: Mapping[str, Sequence[str]]
+) -> list[str]:
+    """A sentence for each of the most prominent estimators that is not drawn, and why."""
+    return [
+        f"{angle}: {label} is not drawn, its own sd mostly exceeds {UNSURE:g} deg; "
+        f"-e {label.partition('@')[0]} draws it"
+        for angle, curves in estimates.items()
+        for label in tuple(curves)[:SHOWN_FIRST]
+        if label not in shown[angle]
+    ]
 
 
 def _notes(runs: Sequence[Run]) -> list[str]:
