@@ -3,48 +3,74 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from roadlog.errors import LogReadError, MissingExtraError
+from roadlog.errors import ConfigError, LogReadError, MissingExtraError
 from roadlog.ingest.formats import columns
 from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.magic import begins
 from roadlog.ingest.formats.parsers import guarded
+from roadlog.ingest.formats.times import LAST_STAMP
 from roadlog.ingest.frame import Recording
 from roadlog.ingest.profile import Profile
 
 MAGIC = b"TDSm"
-INTERVAL = "wf_increment"
+START, OFFSET, INTERVAL = "wf_start_time", "wf_start_offset", "wf_increment"
+LONGEST_INTERVAL = 1e6  # s, of an interval
+TDMS_1970 = 2_082_844_800  # s from 1904-01-01
+NO_STAMP = np.iinfo(np.int64).min  # NaT
 CLOCK = "time"  # of channels that state their interval
 SLACK = 1.5  # samples; stamps of blocks by a computer's clock are no pause
 UNITS = ("unit_string", "NI_UnitDescription", "unit")
 
 
 @dataclass(frozen=True)
-class Take:
-    """Samples of a channel that were recorded without a pause.
+class Timing:
+    """What the properties of a channel say of its clock: moment of the first sample [ns], interval
+    [s], 0 where none is stated; dated: whether the moment is one of the calendar."""
 
-    first: index. start: moment of that sample [ns]. interval: [s], 0 where none is stated.
-    """
+    start: int = 0
+    interval: float = 0.0
+    dated: bool = False
+
+
+@dataclass(frozen=True)
+class Take:
+    """Samples of a channel without a pause: index of the first, and its clock."""
 
     first: int
-    start: int
-    interval: float
+    timing: Timing
+
+    def moment(self, index: int) -> int:
+        """ns of a sample, as the clock of this take has it."""
+        return self.timing.start + round((index - self.first) * self.timing.interval * 1e9)
 
     def goes_on_in(self, other: Take) -> bool:
         """Whether the clock of this take gives the other its start, but for a sample or so."""
-        due = self.start + (other.first - self.first) * self.interval * 1e9
-        same = self.interval == other.interval
-        return same and abs(other.start - due) <= SLACK * self.interval * 1e9
+        mine, new = self.timing, other.timing
+        late = abs(new.start - self.moment(other.first))
+        same = (mine.interval, mine.dated) == (new.interval, new.dated)
+        return same and late <= SLACK * mine.interval * 1e9
+
+    def then(self, first: int, was: Timing, now: Timing) -> Take:
+        """The take from a sample on from which the properties say something else.
+
+        A new interval alone begins where this take ends; where that is, it has to state itself.
+        """
+        if (was.start, was.dated) != (now.start, now.dated):
+            return Take(first, now)
+        known = self.timing.interval or first == self.first
+        interval = now.interval if known else 0.0
+        return Take(first, replace(self.timing, start=self.moment(first), interval=interval))
 
 
-NO_CLOCK = (Take(0, 0, 0.0),)
-Tables = tuple[dict[str, dict[str, NDArray]], dict[str, dict[str, str]]]
+NO_CLOCK = (Take(0, Timing()),)
+Tables = tuple[dict[str, dict[str, NDArray]], dict[str, dict[str, str]], list[str]]
 
 
 def recognizes(path: Path) -> bool:
@@ -66,11 +92,20 @@ def sample(path: Path) -> dict[str, NDArray]:
 def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
     """A frame for each table. Raises LogReadError, MissingExtraError, ConfigError."""
     del dbc
-    return columns.recording(*_tables(path), path.name, profile)
+    tables, units, notes = _tables(path)
+    said = [f"{path.name}: {note}" for note in notes]
+    try:
+        recording = columns.recording(tables, units, path.name, profile)
+    except ConfigError as error:
+        raise ConfigError("; ".join([str(error), *said])) from None
+    return replace(recording, notes=(*said, *recording.notes))
 
 
 def _tables(path: Path) -> Tables:
-    """Table -> channel -> values, and -> unit; a stated start and interval make a time."""
+    """Table -> channel -> values, and -> unit; a stated start and interval make a time.
+
+    With sentences on properties that do not.
+    """
     try:
         from nptdms import TdmsFile
     except ImportError:
@@ -78,7 +113,7 @@ def _tables(path: Path) -> Tables:
     found: dict[tuple[str, int, tuple[Take, ...]], dict[str, NDArray]] = {}
     units: dict[tuple[str, int, tuple[Take, ...]], dict[str, str]] = {}
     with guarded(path, "TDMS"):
-        takes = _takes(path)
+        takes, notes = _takes(path)
         for group in TdmsFile.read(path).groups():
             for channel in group.channels():
                 values = columns.vector(channel[:])
@@ -100,31 +135,37 @@ def _tables(path: Path) -> Tables:
         stamps = _stamps(timing, size)
         clock = {} if stamps is None else {CLOCK: stamps.astype("datetime64[ns]")}
         tables[name], stated[name] = {**clock, **own}, units[key]
-    return tables, stated
+    return tables, stated, notes
 
 
 def _stamps(takes: Sequence[Take], size: int) -> NDArray | None:
-    """Stamps [ns] of a channel's samples; None where a take states no interval."""
+    """Stamps [ns] of a channel's samples, NaT in a take without a clock; None for none at all."""
+    dated = any(take.timing.dated for take in takes)
     ends = [*(take.first for take in takes[1:]), size]
-    parts = []
+    stamps = np.full(size, NO_STAMP)
     for take, end in zip(takes, ends, strict=True):
-        if not take.interval:
-            return None
-        steps = np.rint(np.arange(end - take.first) * take.interval * 1e9)
-        parts.append(take.start + steps.astype(np.int64))
-    return np.concatenate(parts)
+        timing = take.timing
+        if timing.interval and timing.dated == dated:
+            moments = timing.start + np.rint(np.arange(end - take.first) * timing.interval * 1e9)
+            count = int((np.abs(moments) < LAST_STAMP).sum())
+            steps = moments[:count] - float(timing.start)
+            stamps[take.first : take.first + count] = timing.start + steps.astype(np.int64)
+    return stamps if (stamps != NO_STAMP).any() else None
 
 
-def _takes(path: Path) -> dict[str, tuple[Take, ...]]:
+def _takes(path: Path) -> tuple[dict[str, tuple[Take, ...]], list[str]]:
     """Channel -> its takes: a recording that stopped and went on states a start for each.
 
     npTDMS 1.13 keeps the properties of the last segment alone and gives all samples one clock from
     there (`time_track`), so that those before a pause come too late by all of it. Its reader is
-    asked here for the properties of each segment as it comes to them.
+    asked here for the properties of each segment as it comes to them; one that states again what
+    it said before goes on. With sentences on properties that are no clock.
     """
     from nptdms.reader import TdmsReader
 
     found: dict[str, list[Take]] = {}
+    stated: dict[str, Timing] = {}
+    notes: dict[str, None] = {}
 
     class Reader(TdmsReader):  # type: ignore[misc]
         """Notes what each segment states of its channels' clocks."""
@@ -135,12 +176,14 @@ def _takes(path: Path) -> dict[str, tuple[Take, ...]]:
 
         def _update_object_properties(self, properties: Any) -> None:
             super()._update_object_properties(properties)
-            for name, stated in (properties or {}).items():
-                if not any(key == INTERVAL for key, _ in stated):
+            for name in properties or {}:
+                was = stated.get(name, Timing())
+                now = stated[name] = _timing(self.object_metadata[name].properties, notes)
+                if now == was:
                     continue
-                first = self.before.get(name, 0)
-                take = Take(first, *_timing(self.object_metadata[name].properties))
                 own = found.setdefault(name, [])
+                first = self.before.get(name, 0)
+                take = own[-1].then(first, was, now) if own else Take(first, now)
                 if own and own[-1].first == first:
                     own[-1] = take
                 elif not own or not own[-1].goes_on_in(take):
@@ -149,18 +192,53 @@ def _takes(path: Path) -> dict[str, tuple[Take, ...]]:
     reader = Reader(path)
     try:
         reader.read_metadata()
+        for name, own in found.items():
+            if own[0].first >= reader.object_metadata[name].num_values:
+                own[0] = replace(own[0], first=0)  # stated after all samples, so of all
     finally:
         reader.close()
-    return {name: tuple(own) for name, own in found.items()}
+    return {name: tuple(own) for name, own in found.items()}, list(notes)
 
 
-def _timing(properties: Mapping[str, Any]) -> tuple[int, float]:
-    """Start [ns] and interval [s] of a waveform channel; interval 0 for none."""
-    interval = float(properties.get(INTERVAL, 0.0) or 0.0)
-    start = properties.get("wf_start_time")
-    offset = float(properties.get("wf_start_offset", 0.0) or 0.0)
-    moment = 0 if start is None else int(start.as_datetime64("ns").astype(np.int64))
-    return moment + round(offset * 1e9), interval if interval > 0 else 0.0
+def _timing(properties: Mapping[str, Any], notes: dict[str, None]) -> Timing:
+    """The clock of a waveform channel; what is none is said."""
+    interval = _number(properties.get(INTERVAL, 0.0))
+    if INTERVAL in properties and not 0 < interval < LONGEST_INTERVAL:
+        notes[f"{_said(INTERVAL, properties)} is no interval"] = None
+        interval = 0.0
+    offset = _number(properties.get(OFFSET, 0.0))
+    if not abs(offset) * 1e9 < LAST_STAMP:
+        notes[f"{_said(OFFSET, properties)} is no number of seconds: taken as 0"] = None
+        offset = 0.0
+    start, ahead = properties.get(START), round(offset * 1e9)
+    try:
+        # LabVIEW's waveforms without a start say 0, a moment of 1904
+        moment = _moment(start) if start is not None and start.seconds else None
+    except (AttributeError, OverflowError):
+        notes[f"{_said(START, properties)} is no moment: counted from 0"] = None
+        moment = None
+    return Timing(ahead + (moment or 0), interval, moment is not None)
+
+
+def _moment(start: Any) -> int:
+    """ns of a TDMS time stamp. Raises OverflowError beyond those of a log."""
+    found = int(start.seconds - TDMS_1970) * 10**9 + (int(start.second_fractions) * 10**9 >> 64)
+    if abs(found) >= LAST_STAMP:
+        raise OverflowError
+    return found
+
+
+def _said(name: str, properties: Mapping[str, Any]) -> str:
+    value = properties[name]
+    return f"a {name} of {value!r}" if isinstance(value, str) else f"a {name} of {value}"
+
+
+def _number(value: object) -> float:
+    """A property that should be a number; NaN for what is none."""
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        return np.nan
 
 
 FORMAT = Format(
