@@ -57,5 +57,7 @@ def near(name: str, choices: Iterable[str]) -> str:
         return f"Close: {', '.join(folded[key] for key in found)}."
     if not choices:
         return "There are none."
-    shown = ", ".join(choices[:12]) + (", ..." if len(choices) > 12 else "")
+    shown = ", ".join(choices[:12])
+    if len(choices) > 12:
+        shown += f" and {len(choices) - 12} more"
     return f"There are: {shown}."

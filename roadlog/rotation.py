@@ -9,6 +9,8 @@ import numpy as np
 
 from roadlog.types import Floats
 
+PITCH_UP = np.array([1.0, -1.0, 1.0])  # roll, pitch, yaw: a right-handed pitch is nose-down
+POSITIVE = {"roll": "right side down", "pitch": "nose up", "yaw": "to the left"}  # of a mounting
 ORTHOGONAL = 1e-3  # of M M' from the identity: a matrix is written with three digits
 
 

@@ -24,7 +24,7 @@ from roadlog.ingest import ingest
 from roadlog.ingest.profile import Profile
 from roadlog.log import DriveLog, create
 from roadlog.metrics import angle_errors, angle_metrics
-from roadlog.rotation import to_vector
+from roadlog.rotation import PITCH_UP, from_rpy, to_vector
 from roadlog.storage import Table
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -352,3 +352,23 @@ def test_comma2k19_mounting(shared: Path, without: tuple[str, ...]) -> None:
     late = truth.time > truth.time[0] + 5e9
     spread = np.degrees(np.nanstd((grade - truth.columns["grade"])[late]))
     assert spread < 0.16  # 0.142 with u-blox, 0.150 without
+
+
+def test_one_sign_of_the_mounting_everywhere() -> None:
+    """Nose up is + in calibrate, each of its drives, and the constants and notes of fusion."""
+    nose_up = np.array([7.0, 4.0, 20.0])  # deg: right side down, nose up, to the left
+    in_car = from_rpy(*np.radians(nose_up * PITCH_UP))
+    tables = simulated("ryu2004-slalom", seed=3).tables
+    drive = Drive.from_tables(turned(tables, in_car.T))
+    found = calibrate({"a": drive, "b": drive}, Vehicle())
+    estimate = estimators.run("fusion", drive, Vehicle())
+    fused = estimate.details["constants"].columns
+    for name, true in zip(TURNS[1:], nose_up[1:], strict=True):
+        constant = found.constants[name]
+        assert np.degrees(constant.value or 0.0) == pytest.approx(true, abs=0.6), name
+        assert np.degrees([value for value, _ in constant.drives]) == pytest.approx(
+            [true, true], abs=0.6
+        )
+        assert np.degrees(fused[name][0]) == pytest.approx(true, abs=1.0), name
+    said = next(note for note in estimate.notes if note.startswith("the mounting of the IMU"))
+    assert f"pitch {np.degrees(fused['mounting_pitch'][0]):+.1f} deg (nose up +)" in said

@@ -19,7 +19,7 @@ from roadlog.car.suspension import DASHBOARD_HEIGHT
 from roadlog.car.vehicle import DEFAULT, ValueSource, Vehicle
 from roadlog.drive import Drive
 from roadlog.errors import EstimatorError
-from roadlog.rotation import from_vector, to_rpy, to_vector
+from roadlog.rotation import PITCH_UP, from_vector, to_rpy, to_vector
 from roadlog.signals import AXES
 from roadlog.types import Floats
 
@@ -55,6 +55,16 @@ class Calibration:
     constants: dict[str, Constant]
     driven: str | None
     left_out: dict[str, str]
+
+    def is_written(self, constant: Constant) -> bool:
+        """Whether the vehicle has its value: those of mounting and biases also where they do not
+        show, with the sd that says so.
+        """
+        name = constant.name
+        kind = "imu_mount" if name in TURNS else name.rpartition("_")[0]
+        if kind in ("imu_mount", "accel_bias", "gyro_bias", *KINDS):
+            return self.vehicle.source(kind).kind == "calibrated"
+        return constant.identifiable
 
 
 def calibrate(drives: Mapping[str, Drive], vehicle: Vehicle) -> Calibration:
@@ -118,7 +128,9 @@ def _without_sensors(vehicle: Vehicle) -> Vehicle:
 
 
 def _combined_rotation(results: list[DriveCalibration]) -> tuple[Floats, dict[str, Constant]]:
-    """Mean rotation, axis by axis about the car, and the turns' constants with values of it."""
+    """Mean rotation, axis by axis about the car, and the constants that tell it: roll right side
+    down, pitch nose up, yaw counterclockwise, as everywhere.
+    """
     first = results[0].rotation
     away = [to_vector(r.rotation @ first.T) for r in results]
     turns = {}
@@ -131,11 +143,20 @@ def _combined_rotation(results: list[DriveCalibration]) -> tuple[Floats, dict[st
         turns[name] = combined(shifted)
         turn[k] = turns[name].value or 0.0
     rotation = from_vector(turn) @ first
-    angles = to_rpy(rotation)
+    angles = PITCH_UP * to_rpy(rotation)
+    own = np.array([PITCH_UP * to_rpy(r.rotation) for r in results])
     return rotation, {
-        name: replace(f, value=float(angle))
-        for (name, f), angle in zip(turns.items(), angles, strict=True)
+        name: replace(f, value=float(angles[k]), drives=_own(results, name, own[:, k]))
+        for k, (name, f) in enumerate(turns.items())
     }
+
+
+def _own(
+    results: list[DriveCalibration], name: str, angles: Floats
+) -> tuple[tuple[float, float], ...]:
+    """An angle of the mounting by each drive that shows it, and its sd. angles: of all drives."""
+    found = [(r.constants[name], float(angle)) for r, angle in zip(results, angles, strict=True)]
+    return tuple((angle, f.sd or 0.0) for f, angle in found if f.identifiable)
 
 
 def _vehicle(base: Vehicle, rotation: Floats, constants: Mapping[str, Constant]) -> Vehicle:

@@ -45,6 +45,13 @@ STANCE_SD = 0.05 * DEG  # of the body's mean pitch in a drive: a driver leans it
 UNSETTLED = 1.0  # share of the last change that a mounting which does not settle is uncertain by
 DRIVEN_SLIP, DRIVEN_GATE = 0.002, 4.0  # s2/m, sd: slip beyond both is that of a driven axle
 SHEET_LENGTH = 0.1  # m, of an axle distance that is only a default
+CHANNELS = {  # speed channel -> what it is called
+    "front": "speed of the front wheels",
+    "rear": "speed of the rear wheels",
+    "wheels": "wheel speeds",
+    "speed": "the car's speed",
+    "gnss": "GNSS speed",
+}
 FUSION = FusionParameters()
 PRIORS = {  # sd before the data
     **{
@@ -317,7 +324,7 @@ def _of_speeds(last: _Pass, start: mounting.Coarse) -> list[Constant]:
         key = "speed_delay" if clock == "car" else "gnss_delay"
         if name in fits:
             sd = float(np.hypot(fits[name].delay_sd, DELAY_FLOOR))
-            found.append(Constant(key, "s", late[clock], sd, f"{name} speed against the IMU"))
+            found.append(Constant(key, "s", late[clock], sd, f"{CHANNELS[name]} against the IMU"))
         elif clock in late and np.isfinite(start.delay):
             evidence = "accelerations of IMU and speed, roughly"
             found.append(Constant(key, "s", late[clock], COARSE_DELAY_SD, evidence))
@@ -350,7 +357,7 @@ def _place(fits: dict[str, speeds.SpeedFit], vehicle: Vehicle) -> list[Constant]
     x, x_sd = fit.ahead - vehicle.cg_to_rear_axle, float(np.hypot(fit.ahead_sd, PLACE_FLOOR))
     x_sd = float(np.hypot(x_sd, sheet))
     y_sd = float(np.hypot(fit.side_sd, PLACE_FLOOR))
-    evidence = f"{best} speed in curves"
+    evidence = f"{CHANNELS[best]} in curves"
     return [
         Constant(names[0], "m", x, x_sd, evidence + remark),
         Constant(names[1], "m", -fit.side, y_sd, evidence),

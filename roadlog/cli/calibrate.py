@@ -12,6 +12,7 @@ from roadlog.cli import console, life, options
 
 if TYPE_CHECKING:
     from roadlog.calibrate import Calibration
+    from roadlog.calibrate.constant import Constant
 
 IN_DEGREES = {"rad": "deg", "rad/s": "deg/s", "rad/(m/s2)": "deg/(m/s2)"}
 
@@ -89,7 +90,7 @@ def _print(found: Calibration, out: Path) -> None:
     for f in found.constants.values():
         unit = IN_DEGREES.get(f.unit, f.unit)
         factor = math.degrees(1) if unit != f.unit else 1.0
-        remark = f.evidence if f.identifiable else f"not identifiable from these drives: {f.reason}"
+        remark = f"{_sense(f.name)}{_basis(found, f)}"
         if f.value is None or f.sd is None:
             rows.append([f.name, unit, "-", "-", remark])
             continue
@@ -102,5 +103,24 @@ def _print(found: Calibration, out: Path) -> None:
     console.print_table(columns, rows, str(out), left=2, remark=True)
     rows_of = () if found.rotation is None else found.rotation
     for name, row in zip(("forward", "left", "up"), rows_of, strict=False):
-        axes = ", ".join(f"{c:+.4f}" for c in row)
+        axes = ", ".join(f"{round(c, 4) + 0.0:+.4f}" for c in row)  # no -0
         console.say(f"{name} in the log's IMU axes: {axes}")
+
+
+def _sense(name: str) -> str:
+    """Which way an angle of the mounting is positive."""
+    from roadlog.rotation import POSITIVE
+
+    begin, _, axis = name.partition("_")
+    return f"{POSITIVE[axis]} +; " if begin == "mounting" else ""
+
+
+def _basis(found: Calibration, constant: Constant) -> str:
+    """What a constant rests on, or why it does not show and what was done then."""
+    if constant.identifiable:
+        return constant.evidence
+    said = f"not identifiable from these drives: {constant.reason}"
+    if constant.value is None:
+        return said
+    done = "written with this sd" if found.is_written(constant) else "not written"
+    return f"{done}; {said}"

@@ -13,7 +13,7 @@ from roadlog.car.vehicle import STATED_MOUNTING, Vehicle
 from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.states import MOUNTING, State
 from roadlog.estimators.fusion.steps import HEIGHTS, Fix, Steps, has, last
-from roadlog.rotation import from_vector, to_vector
+from roadlog.rotation import PITCH_UP, from_vector, to_rpy, to_vector
 from roadlog.types import Bools, Floats
 from roadlog.units import DEG
 
@@ -22,7 +22,6 @@ CALIBRATED_MOUNTING = 0.1 * DEG  # a mounting that the vehicle file gives is no 
 UNKNOWN_MOUNTING = 3.0 * DEG  # of an IMU that lies somewhere in the car
 CROSSFALL = 1.5 * DEG  # sd of a drive's mean bank: what levels an IMU that lies askew
 CONFLICT = 2.0  # sd; a mounting found further from its prior was not mounted as that says
-PITCH_UP = np.array([1.0, -1.0, 1.0])  # a rotation vector is nose-down
 SMALL_MOUNTING = 1.0 * DEG  # beyond this the IMU is turned and smoothed again
 
 
@@ -57,9 +56,13 @@ class Mounting:
             rest[0], sd[0] = 0.0, np.sqrt(share) * CROSSFALL
         return Mounting(_rotation(found) @ self.rotation, rest, sd)
 
-    def whole(self, left: Floats) -> Floats:
-        """rad, roll, pitch and yaw of the IMU, from those left (3,)."""
+    def turn(self, left: Floats) -> Floats:
+        """(3,) rad, the whole turn about the car's axes, nose-up, from the angles left (3,)."""
         return PITCH_UP * to_vector(_rotation(left) @ self.rotation)
+
+    def rpy(self, left: Floats) -> Floats:
+        """(3,) rad, roll, pitch (nose-up) and yaw of the IMU in the car, from those left (3,)."""
+        return PITCH_UP * to_rpy(_rotation(left) @ self.rotation)
 
 
 def _rotation(angles: Floats) -> Floats:

@@ -10,6 +10,7 @@ from roadlog.estimators.fusion.solution import Solution
 from roadlog.estimators.fusion.speed import LATEST
 from roadlog.estimators.fusion.states import CONSTANTS
 from roadlog.estimators.fusion.steps import Fix, has
+from roadlog.rotation import POSITIVE
 from roadlog.units import DEG
 
 OFFSET_LIMIT = 0.15 * DEG  # sd of the mean of grade or bank, beyond which it is not observable
@@ -81,10 +82,10 @@ def _mounting(solution: Solution) -> list[str]:
     if np.array_equal(solution.fit.inputs.mounting.rotation, np.eye(3)):
         return []
     turn = ", ".join(
-        f"{axis} {np.degrees(solution.constants[f'mounting_{axis}'][0]):+.1f}"
-        for axis in ("roll", "pitch", "yaw")
+        f"{axis} {np.degrees(solution.constants[f'mounting_{axis}'][0]):+.1f} deg ({plus} +)"
+        for axis, plus in POSITIVE.items()
     )
-    return [f"the mounting of the IMU was not as given, and is estimated (deg): {turn}"]
+    return [f"the mounting of the IMU was not as given, and is estimated: {turn}"]
 
 
 def _found(solution: Solution) -> list[str]:

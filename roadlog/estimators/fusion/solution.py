@@ -116,7 +116,7 @@ def _angles(fit: Fit, smoothed: Smoothed, shares: Floats) -> dict[str, Floats]:
     grade, bank = inclination - body_pitch(x, s), roll_total - body_roll(x, s)
     if fit.inputs.params.smooth:
         grade, bank = _slow(grade, fit.steps.alive), _slow(bank, fit.steps.alive)
-    mounted = fit.inputs.mounting.whole(smoothed.x_end[MOUNTING])[1]
+    mounted = fit.inputs.mounting.turn(smoothed.x_end[MOUNTING])[1]
     return {
         "grade": grade,
         "bank": bank,
@@ -195,7 +195,7 @@ def _constants(fit: Fit, smoothed: Smoothed, consistency: Consistency) -> dict[s
     for axes in (GYRO_BIAS, ACCEL_BIAS):
         turn[axes, axes] = mounting.rotation.T
         x[axes] = mounting.rotation.T @ x[axes]
-    x[MOUNTING] = mounting.whole(x[MOUNTING])
+    x[MOUNTING] = mounting.rpy(x[MOUNTING])
     x[State.SPEED_DELAY] += fit.inputs.source.lag
     before, after = (np.diag(turn @ P @ turn.T) for P in (fit.P0, smoothed.P_end))
     sd = np.sqrt(tempered(after, before, consistency.factor(Row.SPEED, Row.SLIP, Row.CONTACT)))
