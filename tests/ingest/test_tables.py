@@ -105,6 +105,12 @@ HEADS = {
     "labview": ("Date,2023/11/14\nTime,22:13:20.5000000\n", 0.5),
     "french": ("Heure: 22:13:20\nDate: 14 novembre 2023\n", 0),
     "iso with zone": ("Recording started: 2023-11-14T23:13:20+01:00\n", 0),
+    "twelve hours": ("Log Date,14.11.2023\nLog Time,10:13:20 PM\n", 0),
+    "a number of the day": ("Start time:,14.11.2023 12:13:20 AM\n", -79_200),
+    "day of thirteen": ("Date: 14-11-2023\nTime: 22:13:20 PM\n", 0),
+    "month first": ("Date: 11-14-2023\nTime: 10:13:20 p.m.\n", 0),
+    "twelve hours with zone": ("Start time:,14.11.2023 11:13:20 PM +01:00\n", 0),
+    "behind a blank": ("# Session started 14 November 2023 10:13:20 PM\n", 0),
     "date alone": ("Date,14.11.2023\n", None),
     "of something else": ("Export date,14.11.2023 22:13:20\nLap Time,1:02:03\n", None),
     "of the file": ("Created,14.11.2023 22:13:20\n", None),
@@ -121,12 +127,55 @@ def test_the_head_of_a_table_dates_its_rows(tmp_path, name):
     result = ingest([path], profile)
     first = 0 if late is None else START + late
     np.testing.assert_allclose((result.tables[0].time - first * 1e9) * 1e-9, TIMES, atol=1e-6)
-    zoned = "zone" in name
+    zoned = name.endswith("with zone")
     assert any("dated by its head" in n for n in result.notes) == (late is not None)
     if late is not None and not zoned:
         assert any("without a zone" in note for note in result.notes)
         moved = ingest([path], profile, timezone="+02:00").tables[0].time
         assert moved[0] == result.tables[0].time[0] - 7200 * 10**9
+
+
+@pytest.mark.parametrize(
+    ("day", "clock", "expected"),
+    [
+        ("03/04/2024", "1:02:03 PM", (2024, 3, 4, 13)),
+        ("03/04/2024", "13:02:03", (2024, 4, 3, 13)),
+        ("03-04-2024", "13:02:03", (2024, 4, 3, 13)),
+        ("3/4/24", "1:02:03 p.m.", (2024, 3, 4, 13)),
+        ("31.02.2024", "10:00:00", None),
+        ("13/13/2024", "10:00:00 PM", None),
+        ("2024-13-45", "10:00:00", None),
+        ("2024-05-01", "25:61:61", None),
+        ("30 Feb 2024", "10:00:00", None),
+        ("01.05.2024", "13:00:00 AM", None),
+    ],
+)
+def test_a_head_of_two_readings_or_none_is_said(tmp_path, day, clock, expected):
+    path = tmp_path / "drive.csv"
+    path.write_text(f"Date: {day}\nTime: {clock}\n\nTime,Speed,Level\ns,km/h,-\n" + rows())
+    (tmp_path / "p.toml").write_text(SPEED.format("Speed"))
+    result = ingest([path], tmp_path / "p.toml")
+    first = datetime(*expected, 2, 3, tzinfo=UTC).timestamp() if expected else 0
+    assert result.tables[0].time[0] == first * 1e9
+    (note,) = result.notes
+    if expected is None:
+        assert f"'{day} {clock}' in its head is no moment" in note
+    else:
+        assert ("month before day" in note) is ("m" in clock.lower())
+        assert "is read with the" in note
+
+
+def test_a_date_above_a_blank_line_is_no_header(tmp_path):
+    path = tmp_path / "drive.csv"
+    lines = [of_day(t, "12:{m:02.0f}:{s:05.2f} PM") for t in TIMES]
+    path.write_text(
+        "Date: 2024-03-14\n\ntime,v\n"
+        + "".join(f"{stamp},{v}\n" for stamp, v in zip(lines, SPEEDS, strict=True))
+    )
+    (tmp_path / "p.toml").write_text(SPEED.format("v"))
+    time = ingest([path], tmp_path / "p.toml").tables[0].time * 1e-9
+    start = datetime(2024, 3, 14, 12, tzinfo=UTC).timestamp()
+    np.testing.assert_allclose(time - start, TIMES, atol=1e-6)
 
 
 @pytest.mark.parametrize("stamps", ["seconds", "text"])

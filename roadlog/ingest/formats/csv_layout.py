@@ -109,7 +109,7 @@ def _rows(lines: Sequence[tuple[str, int]]) -> tuple[str, int, int]:
         order = [k for k, _ in kinds]
         leads = (k for n, k in enumerate(order) if k in fitting and _lead(order[n + 1 :], fitting))
         first = next(leads, min(fitting))
-        share = len(fitting) / max(1, sum(k >= first for k, _ in plain))
+        share = sum(k >= first for k in fitting) / max(1, sum(k >= first for k, _ in plain))
         if delimiter == BLANK and (share < SURE or len(fitting) < 3):
             continue  # any text has blanks
         # a decimal comma splits numbers as evenly as a delimiter does: those before it win

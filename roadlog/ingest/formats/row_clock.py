@@ -84,8 +84,9 @@ class RowClock:
         time, said = spread(time, name)
         notes += [f"{name}: {text}" for text in counted] + said
         start = self._start(time)
-        if start:
+        if start or (self.head.wrong and self._is_undated(time)):
             notes.append(self.head.said)
+        if start:
             time = _moved(time, start) if self._last is None else time
         return time, notes, [f"{name}: {text}" for text in lost]
 
@@ -93,11 +94,15 @@ class RowClock:
         """ns that the head of the file adds, or has added to a time of day; 0 for nothing."""
         if self._last is not None:
             return self.head.midnight
-        head, first = self.head, int(time[0]) if len(time) else -1
-        if not head.moment or not 0 <= first < times.DAY:
+        head = self.head
+        if not head.moment or not self._is_undated(time):
             return 0
         of_day = head.moment - head.midnight
-        return head.midnight if abs(first - of_day) < NEAR_START else head.moment
+        return head.midnight if abs(time[0] - of_day) < NEAR_START else head.moment
+
+    @staticmethod
+    def _is_undated(time: Stamps) -> bool:
+        return len(time) > 0 and 0 <= time[0] < times.DAY
 
     def __len__(self) -> int:
         return len(self._stamps)
