@@ -159,6 +159,31 @@ def test_codes_that_the_database_names_are_no_value(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("code", "text", "said"),
+    [
+        (65535, "SNA [0..65535]", "SNA [0..65535] (1)"),
+        (65535, "SNA\nof the sensor", "SNA of the sensor (1)"),
+        (-1, "SNA", "SNA (1)"),
+    ],
+)
+def test_a_label_names_its_code_alone_and_in_one_line(tmp_path, code, text, said):
+    database = f'{MOTION}VAL_ 100 VehicleSpeed {code} "{text}" ;\n'
+    frames = [(k, "can0", 100, struct.pack("<Hhhh", v, 0, 0, 0)) for k, v in enumerate((65535, 50))]
+    recording = decoded(tmp_path, frames, database)
+    np.testing.assert_equal(recording.frames[0].columns["VehicleSpeed"], [np.nan, 0.5])
+    notes = " ".join(recording.notes)
+    assert f"Motion.VehicleSpeed: {said}" in notes
+    assert "\n" not in notes
+
+
+def test_a_factor_of_zero_gives_no_value(tmp_path):
+    frames = [(k, "can0", 100, struct.pack("<Hhhh", 50 + k, 0, 0, 0)) for k in range(3)]
+    recording = decoded(tmp_path, frames, MOTION.replace("(0.01,0)", "(0,0)"))
+    assert np.isnan(recording.frames[0].columns["VehicleSpeed"]).all()
+    assert "Motion.VehicleSpeed: its factor is 0 (3)" in " ".join(recording.notes)
+
+
+@pytest.mark.parametrize(
     ("text", "none"),
     [
         ("SNA", True),

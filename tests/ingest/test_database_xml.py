@@ -38,6 +38,15 @@ def speeds(folder, text: str, suffix: str):
     return found.frames[0].columns["VehicleSpeed"], " ".join(found.notes)
 
 
+def kcd(labels: str, kind: str = "unsigned") -> str:
+    """Motion with labels of the speed, whose value has another kind."""
+    text = cantools.database.load_string(MOTION, "dbc").as_kcd_string()
+    place = text.index("<Value", text.index('name="VehicleSpeed"'))
+    end = text.index("/>", place) + 2
+    value = text[place:end].replace("<Value", f'<Value type="{kind}"')
+    return f"{text[:place]}{value}<LabelSet>{labels}</LabelSet>{text[end:]}"
+
+
 def arxml(scales: str, category: str) -> str:
     """The description with other scales of the speed, which comes first."""
     head, tail = description().split("<CATEGORY>LINEAR</CATEGORY>", 1)
@@ -48,14 +57,45 @@ def arxml(scales: str, category: str) -> str:
 
 @pytest.mark.parametrize("label", ['name="not available"', 'name="odd" type="invalid"'])
 def test_label_group_of_kcd(tmp_path, label):
-    text = cantools.database.load_string(MOTION, "dbc").as_kcd_string()
-    labels = f'<LabelSet><LabelGroup {label} from="65000" to="65535"/>'
-    labels += '<Label name="standing" value="65000"/></LabelSet>'
-    place = text.index("<Value", text.index('name="VehicleSpeed"'))
-    end = text.index("/>", place) + 2
-    values, notes = speeds(tmp_path, text[:end] + labels + text[end:], "kcd")
+    labels = f'<LabelGroup {label} from="65000" to="65535"/><Label name="standing" value="65000"/>'
+    values, notes = speeds(tmp_path, kcd(labels), "kcd")
     np.testing.assert_allclose(values, [50, 649.99, np.nan, np.nan, np.nan])
     assert "no value (frames): Motion.VehicleSpeed" in notes
+
+
+SNA = '<LabelGroup name="SNA" {}/>'
+
+
+@pytest.mark.parametrize(
+    ("labels", "kind", "left"),
+    [
+        (SNA.format('from="65000"'), "unsigned", 2),
+        (SNA.format('from="65535" to="65000"'), "unsigned", 2),
+        (SNA.format('from="0xFDE8" to="65535.0"'), "unsigned", 2),
+        (SNA.format('from="65000" to="99999999999999999999999999"'), "unsigned", 2),
+        (
+            SNA.format('from="65000" to="65535"') + SNA.format('from="65000" to="65001"'),
+            "unsigned",
+            2,
+        ),
+        (SNA.format('from="65000" to="65535"'), "signed", 2),
+        (SNA.format('from="32768" to="65535"'), "signed", 1),
+        (SNA.format('from="6000" to="65535"'), "signed", 1),
+        (SNA.format('from="0xFDE8"'), "signed", 2),
+        (SNA.format('from="-536" to="-1"'), "unsigned", 2),
+        (SNA.format('from="30000"'), "signed", 5),
+        ('<Label name="SNA [0..65535]" value="65535"/>', "unsigned", 4),
+        ('<Label name="SNA&#10;of the sensor" value="-1"/>', "unsigned", 4),
+    ],
+)
+def test_limits_of_a_kcd_label_as_they_are_written(tmp_path, labels, kind, left):
+    values, notes = speeds(tmp_path, kcd(labels, kind), "kcd")
+    raw = np.array(RAW, np.uint16)
+    expected = (raw.view(np.int16) if kind == "signed" else raw) / 100
+    expected[left:] = np.nan
+    np.testing.assert_allclose(values, expected)
+    assert "\n" not in notes
+    assert ("Motion.VehicleSpeed: SNA" in notes) is (left < len(RAW))
 
 
 @pytest.mark.parametrize("category", ["SCALE_LINEAR_AND_TEXTTABLE", "TEXTTABLE"])
@@ -77,6 +117,79 @@ def test_range_of_a_text_in_arxml(tmp_path, category, limit, low, kept):
     expected[kept:] = np.nan
     np.testing.assert_allclose(values, expected)
     assert "Motion.VehicleSpeed: SNA" in notes
+
+
+OPEN = ' INTERVAL-TYPE="OPEN"'
+TEXTS = "SCALE_LINEAR_AND_TEXTTABLE"
+SLOPED = SCALE.format("", 0, 64999, SLOPE.format(0.01))
+
+
+@pytest.mark.parametrize(
+    ("limits", "kept"),
+    [
+        ((OPEN, 65534, 65535), 4),
+        ((OPEN, 65534, "INF"), 4),
+        ((OPEN, 65299.5, 65535.5), 3),
+        (("", 64999.5, 65535.5), 2),
+        (("", 65535, 65000), 2),
+        (("", 65000, "1e400"), 2),
+    ],
+)
+@pytest.mark.parametrize("category", [TEXTS, "TEXTTABLE", f"\n {TEXTS} ", "LINEAR", ""])
+def test_limits_of_an_arxml_text_as_they_are_written(tmp_path, limits, kept, category):
+    sloped = category != "TEXTTABLE"
+    scales = (SLOPED if sloped else "") + SCALE.format(*limits, TEXT.format("SNA"))
+    text = arxml(scales, category)
+    text = text if category else text.replace("<CATEGORY></CATEGORY>", "")
+    values, notes = speeds(tmp_path, text, "arxml")
+    expected = np.array(RAW) / (100 if sloped else 1)
+    expected[kept:] = np.nan
+    np.testing.assert_allclose(values, expected)
+    assert "Motion.VehicleSpeed: SNA" in notes
+
+
+def test_a_number_beside_a_slope_is_no_value_and_does_not_unmake_the_slope(tmp_path):
+    """cantools drops the slope then: raw values, a hundred times too large."""
+    number = SCALE.format("", 65000, 65535, "<COMPU-CONST><V>0</V></COMPU-CONST>")
+    values, notes = speeds(tmp_path, arxml(SLOPED + number, TEXTS), "arxml")
+    np.testing.assert_allclose(values, [50, 649.99, np.nan, np.nan, np.nan])
+    assert "a number of the database for a range (3)" in notes
+
+
+ONE = SCALE.format("", 0, 65535, SLOPE)
+VT = TEXT.format("SNA")
+
+
+@pytest.mark.parametrize(
+    ("scales", "category"),
+    [
+        (ONE.format(0.01), "IDENTICAL"),
+        (ONE.format(0.01), "BITFIELD_TEXTTABLE"),
+        (ONE.format(0.01), "LINEAR_SCALED"),
+        (ONE.format("0,01"), "LINEAR"),
+        (ONE.format(""), "LINEAR"),
+        ("", "LINEAR"),
+        ("", "SCALE_LINEAR"),
+        (SLOPED + SCALE.format("", "abc", "def", VT), TEXTS),
+        (SLOPED + SCALE.format("", "NaN", "NaN", VT), TEXTS),
+        (SLOPED + f"<COMPU-SCALE>{VT}</COMPU-SCALE>", TEXTS),
+        (SCALE.format("", 65000, 65535, "<COMPU-CONST><V>0</V></COMPU-CONST>"), TEXTS),
+        (ONE.format(0), "LINEAR"),
+    ],
+)
+def test_a_conversion_that_is_not_certain_gives_no_value(tmp_path, scales, category):
+    values, notes = speeds(tmp_path, arxml(scales, category), "arxml")
+    assert np.isnan(values).all()
+    assert "conversion that is not one line" in notes or "its factor is 0" in notes
+
+
+def test_the_inverse_alone_gives_no_value(tmp_path):
+    text = arxml(ONE.format(100), "LINEAR")
+    end = text.index("</COMPU-METHOD>") + 1
+    text = text[:end].replace("INTERNAL-TO-PHYS", "PHYS-TO-INTERNAL") + text[end:]
+    values, notes = speeds(tmp_path, text, "arxml")
+    assert np.isnan(values).all()
+    assert "conversion that is not one line" in notes
 
 
 def slopes(*scales: str) -> str:

@@ -102,6 +102,10 @@ class CanSignal:
     def values(self, raw: NDArray) -> Floats:
         """Physical values, NaN for codes that say that there is none."""
         values = _scaled(self.definition, raw)
+        if not self.definition.scale or not np.isfinite(self.definition.scale):
+            everything = np.ones(len(raw), np.bool_)
+            self._leave_out(values, everything, f"its factor is {self.definition.scale:g}")
+            return values
         for code, text in self.codes.items():
             self._leave_out(values, raw == code, text)
         for text, first, last in self.spans:
@@ -227,20 +231,40 @@ def _scaled(signal: Any, raw: NDArray) -> Floats:
 
 
 def _codes(signal: Any) -> dict[int, str]:
-    """Raw values that a database names as no value."""
+    """Raw values that a database names as no value, with its text in one line."""
     found = {}
     for code, text in (signal.choices or {}).items():
-        if no_value(str(text)) and not of_range(str(text)):
-            found[int(code)] = str(text)
-            if signal.is_signed and not signal.is_float and code >= 1 << (signal.length - 1):
-                found[int(code) - (1 << signal.length)] = str(text)  # written without its sign
+        if no_value(str(text)) and not of_range(code, str(text)):
+            for raw in (int(code), *_of_other_sign(signal, int(code), int(code))[:1]):
+                found[raw] = " ".join(str(text).split())
     return found
 
 
 def _spans(signal: Any) -> list[tuple[str, int, int]]:
     """Texts of ranges of raw values that mean no value, with first and last."""
-    found = (of_range(str(text)) for text in (signal.choices or {}).values())
-    return [span for span in found if span and no_value(span[0])]
+    found = []
+    for code, label in (signal.choices or {}).items():
+        if (span := of_range(code, str(label))) and no_value(span[0]):
+            text = " ".join(span[0].split())
+            found.append((text, *span[1:]))
+            if ends := _of_other_sign(signal, *span[1:]):
+                found.append((text, *ends))
+    return found
+
+
+def _of_other_sign(signal: Any, first: int, last: int) -> tuple[()] | tuple[int, int]:
+    """Raw values that a database wrote without their sign, or with one that they have not."""
+    count = 1 << signal.length
+    half = count // 2
+    if signal.is_float:
+        return ()
+    if signal.is_signed and (first >= half or last < count):
+        low, high, moved = max(first, half), min(last, count - 1), -count
+    elif not signal.is_signed and first >= -half:
+        low, high, moved = first, min(last, -1), count
+    else:
+        return ()
+    return (low + moved, high + moved) if low <= high else ()
 
 
 def _ranges(signal: Any, raw: NDArray) -> list[tuple[Bools, str]]:

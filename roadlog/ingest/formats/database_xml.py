@@ -4,13 +4,14 @@ cantools 45 leaves a text that stands for a range of raw values out of KCD (`Lab
 ARXML conversions that mix a slope with texts, and refuses an ARXML table of texts for one: "not
 available" from 0xFE to 0xFF would be a speed. Here such a range becomes one label with the range
 in its name, which `of_range` reads again. Of ARXML's conversions (AUTOSAR TPS_SWCT, category of
-CompuMethod) it applies the last of several slopes to every value, and none at all where the
-category is not one of those it knows: what is one line is named as such, of all else every raw
-value is labelled as none.
+CompuMethod) it applies the last of several slopes to every value, and none at all where a number
+stands beside the slope or the category is not one of those it knows: what is one line is named as
+such, a number gives no value in its range, and of all else every raw value is labelled as none.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -18,21 +19,24 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 NOT_A_LINE = "not available: conversion that is not one line"
+A_NUMBER = "not available: a number of the database for a range"
 LINE_AND_TEXTS = "SCALE_LINEAR_AND_TEXTTABLE"
-OF_CANTOOLS = frozenset({"LINEAR", LINE_AND_TEXTS})
-# categories whose scales are slopes; the others are raw values, texts or bits
-SLOPED = OF_CANTOOLS | {
-    "SCALE_LINEAR", "RAT_FUNC", "SCALE_RATIONAL", "SCALE_RATIONAL_AND_TEXTTABLE", "TAB_NOINTP"
-}  # fmt: skip
+CODES = frozenset({"TEXTTABLE", "BITFIELD_TEXTTABLE"})
+# categories that may do without a slope; where none is stated, what stands there counts
+PLAIN = CODES | {"IDENTICAL", ""}
+SLOPED = frozenset({
+    "LINEAR", LINE_AND_TEXTS, "SCALE_LINEAR", "RAT_FUNC", "SCALE_RATIONAL",
+    "SCALE_RATIONAL_AND_TEXTTABLE", "TAB_NOINTP", "",
+})  # fmt: skip
 _RANGE = re.compile(r"^(.*) \[(-?\d+)\.\.(-?\d+)\]$", re.DOTALL)
 _EVERYTHING = -(1 << 63), (1 << 64) - 1
 _NO_RAW_VALUE = -(1 << 66)  # labels of ranges stand beyond all that a signal can hold
 LIMITS = ("LOWER-LIMIT", "UPPER-LIMIT")
 
 
-def of_range(label: str) -> tuple[str, int, int] | None:
+def of_range(code: int, label: str) -> tuple[str, int, int] | None:
     """Text, first and last raw value of a label that stands for a range."""
-    match = _RANGE.match(label)
+    match = _RANGE.match(label) if code <= _NO_RAW_VALUE else None
     return (match[1], int(match[2]), int(match[3])) if match else None
 
 
@@ -49,35 +53,58 @@ def as_labels(path: Path, kind: str) -> str:
 def _kcd(root: Element) -> None:
     space = _namespace(root)
     for labels in root.iter(f"{space}LabelSet"):
-        for label in labels:
+        for number, label in enumerate(labels):
             name, kind = label.get("name", ""), label.get("type", "value")
             if kind != "value":  # invalid, error
                 label.set("name", name := f"{kind}: {name}")
             if label.tag == f"{space}LabelGroup":
-                first, last = int(label.get("from", "0"), 0), int(label.get("to", "0"), 0)
+                low, high = _whole(label.get("from", "0"), 1), _whole(label.get("to", "inf"), -1)
                 label.tag = f"{space}Label"
-                label.set("value", str(_NO_RAW_VALUE + first))
-                label.set("name", f"{name} [{first}..{last}]")
+                label.set("value", str(_NO_RAW_VALUE - number))
+                label.set("name", _of_all(name, low, high))
 
 
 def _arxml(root: Element) -> None:
     space = _namespace(root)
     for method in root.iter(f"{space}COMPU-METHOD"):
-        scales = list(method.iterfind(f"{space}COMPU-INTERNAL-TO-PHYS//{space}COMPU-SCALE"))
-        for scale in scales:
-            text = scale.find(f"{space}COMPU-CONST/{space}VT")
-            if text is not None and (limits := _limits(scale, space)) and limits[0] < limits[1]:
-                _name(scale, space, text.text or "", *limits)
         category = method.find(f"{space}CATEGORY")
-        if category is None or category.text not in SLOPED:
-            continue
-        lines = {_line(s, space) for s in scales if s.find(f"{space}COMPU-CONST") is None}
-        if not lines and category.text in OF_CANTOOLS:
-            continue
-        if len(lines) != 1 or None in lines:
+        if category is None:
+            category = ElementTree.SubElement(method, f"{space}CATEGORY")
+        category.text = (category.text or "").strip()
+        scales = list(method.iterfind(f"{space}COMPU-INTERNAL-TO-PHYS//{space}COMPU-SCALE"))
+        try:
+            certain = _is_line(category.text, scales, space)
+        except ValueError:  # a limit or coefficient that is no number
+            certain = False
+        inverse = f"{space}COMPU-PHYS-TO-INTERNAL//{space}COMPU-SCALE"
+        if not certain or (not scales and method.find(inverse) is not None):
             _hold_back(method, space)
-        elif category.text not in OF_CANTOOLS:
+        elif scales and category.text not in CODES:
             category.text = LINE_AND_TEXTS
+
+
+def _is_line(category: str, scales: list[Element], space: str) -> bool:
+    """Whether a conversion is one line with texts, or codes; texts and numbers become labels.
+
+    Raises ValueError.
+    """
+    lines: set[tuple[float, ...] | None] = set()
+    numbers = False
+    for label, scale in enumerate(scales):
+        constant = scale.find(f"{space}COMPU-CONST")
+        limits = _limits(scale, space)
+        if constant is None:
+            lines.add(_line(scale, space))
+        elif limits is None:
+            return False
+        else:
+            text = constant.find(f"{space}VT")
+            numbers |= text is None
+            said = A_NUMBER if text is None else text.text or ""
+            _name(scale, space, _NO_RAW_VALUE - label, _of_all(said, *limits))
+    if not lines:
+        return not numbers and (category in PLAIN or (bool(scales) and category in SLOPED))
+    return len(lines) == 1 and None not in lines and category in SLOPED
 
 
 def _hold_back(method: Element, space: str) -> None:
@@ -91,54 +118,72 @@ def _hold_back(method: Element, space: str) -> None:
     category.text = LINE_AND_TEXTS
     scales = ElementTree.SubElement(conversion, f"{space}COMPU-SCALES")
     everything = ElementTree.SubElement(scales, f"{space}COMPU-SCALE")
-    _name(everything, space, NOT_A_LINE, *_EVERYTHING)
+    _name(everything, space, _NO_RAW_VALUE, _of_all(NOT_A_LINE, *_EVERYTHING))
 
 
-def _name(scale: Element, space: str, text: str, first: int, last: int) -> None:
-    """Make a scale the label of a range."""
+def _name(scale: Element, space: str, code: int, text: str) -> None:
+    """Make a scale the label of a single value."""
     scale.clear()
     for limit in LIMITS:
-        ElementTree.SubElement(scale, f"{space}{limit}").text = str(_NO_RAW_VALUE + first)
+        ElementTree.SubElement(scale, f"{space}{limit}").text = str(code)
     constant = ElementTree.SubElement(scale, f"{space}COMPU-CONST")
-    ElementTree.SubElement(constant, f"{space}VT").text = f"{text} [{first}..{last}]"
+    ElementTree.SubElement(constant, f"{space}VT").text = text
+
+
+def _of_all(text: str, low: int, high: int) -> str:
+    """A label that stands for a range; one with its limits in the wrong order is meant as well."""
+    return f"{text} [{min(low, high)}..{max(low, high)}]"
 
 
 def _limits(scale: Element, space: str) -> tuple[int, int] | None:
-    """First and last whole raw value of a scale; None without both limits."""
+    """First and last whole raw value of a scale, one limit alone for both; None without.
+
+    Raises ValueError.
+    """
     found = []
-    for limit, inward, infinite in zip(LIMITS, (1, -1), _EVERYTHING, strict=True):
+    for limit, inward in zip(LIMITS, (1, -1), strict=True):
         element = scale.find(f"{space}{limit}")
-        if element is None:
-            return None
-        said, kind = (element.text or "").strip(), element.get("INTERVAL-TYPE")
-        if kind == "INFINITE" or "INF" in said.upper():
-            found.append(infinite)
+        said = "" if element is None else (element.text or "").strip()
+        kind = None if element is None else element.get("INTERVAL-TYPE")
+        if kind == "INFINITE":
+            found.append(_EVERYTHING[inward < 0])
         elif said:
-            found.append(_whole(said) + (inward if kind == "OPEN" else 0))
-        else:
-            return None
-    return found[0], found[1]
+            found.append(_whole(said, inward, kind == "OPEN"))
+    return (found[0], found[-1]) if found else None
 
 
-def _whole(said: str) -> int:
-    """A limit as ARXML writes it: 255, 0xFF, 0b11, 255.0."""
+def _whole(said: str, inward: int, is_open: bool = False) -> int:
+    """The raw value that a limit allows: 255, 0xFF, 0b11, 255.0, INF. inward: 1 for a lower one.
+
+    Raises ValueError.
+    """
     try:
-        return int(said, 0)
+        whole = int(said, 0)
     except ValueError:
-        return int(float(said))
+        real = float(said)
+        if math.isinf(real):
+            return _EVERYTHING[real > 0]
+        whole = math.ceil(real) if inward > 0 else math.floor(real)
+        is_open = is_open and whole == real
+    return whole + inward if is_open else whole
 
 
 def _line(scale: Element, space: str) -> tuple[float, ...] | None:
-    """Offset and slope of a scale, 0 and 1 where none is stated; None where it is no line."""
+    """Offset and slope of a scale, 0 and 1 where none is stated; None where it is no line.
+
+    Raises ValueError.
+    """
     if scale.find(f"{space}COMPU-RATIONAL-COEFFS") is None:
         return 0.0, 1.0
     rational = f"{space}COMPU-RATIONAL-COEFFS/{space}"
-    above = [float(v.text or "nan") for v in scale.iterfind(f"{rational}COMPU-NUMERATOR/{space}V")]
-    below = [
-        float(v.text or "nan") for v in scale.iterfind(f"{rational}COMPU-DENOMINATOR/{space}V")
-    ]
-    line = len(above) == 2 and len(below) == 1 and below[0] != 0
-    return (above[0] / below[0], above[1] / below[0]) if line else None
+    above, below = (
+        [float(v.text or "nan") for v in scale.iterfind(f"{rational}{part}/{space}V")]
+        for part in ("COMPU-NUMERATOR", "COMPU-DENOMINATOR")
+    )
+    if len(above) != 2 or len(below) != 1 or not below[0]:
+        return None
+    line = above[0] / below[0], above[1] / below[0]
+    return line if all(map(math.isfinite, line)) else None
 
 
 def _namespace(root: Element) -> str:
