@@ -71,14 +71,14 @@ def evaluate(
         console.print_json(documents[0] if len(documents) == 1 else documents)
     else:
         for (log, values), at_stops, fields in zip(results, stops, further, strict=True):
-            _print(str(log.path), values, remove_offset, slope)
+            _print(str(log.path), values, skip, remove_offset, slope)
             _print_details(fields)
             for name, m in at_stops.items():
                 console.say(_at_stops(name, m))
     console.warn_losses([f"{log.path}: {loss}" for log, _ in results for loss in log.losses])
 
 
-def _print(log: str, values: Metrics, remove_offset: bool, slope: str) -> None:
+def _print(log: str, values: Metrics, skip: float, remove_offset: bool, slope: str) -> None:
     offset = "removed offset" if remove_offset else "mean"
     columns = ["angle", "estimator", "RMSE", offset, "MAE", "95 %", "max", "in 2 sd", "valid"]
     rows = [
@@ -86,7 +86,8 @@ def _print(log: str, values: Metrics, remove_offset: bool, slope: str) -> None:
         for angle, name, m in _ranked(values)
     ]
     unit = "degrees, of grade and bank in percent" if slope == "percent" else "degrees"
-    ending = ", mean error removed" if remove_offset else ""
+    begin = f", from {skip:g} s on" if skip else ""
+    ending = f"{begin}, mean error removed" if remove_offset else begin
     console.print_table(columns, rows, f"{log}: errors in {unit}{ending}", left=2)
     shares = {
         name: min(m.matched_share or 0.0 for m in angles.values())

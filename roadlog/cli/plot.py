@@ -12,7 +12,7 @@ from roadlog.cli import console, options
 
 def plot(
     logs: Annotated[
-        list[Path], typer.Argument(metavar="LOG...", help="Logs; several stand side by side.")
+        list[Path], typer.Argument(metavar="LOG...", help="Logs; several are laid over each other.")
     ],
     out: Annotated[
         Path, typer.Option("-o", "--out", metavar="FILE", help="Ends in .png, .svg or .pdf.")
@@ -41,16 +41,17 @@ def plot(
 ) -> None:
     """Draw angles against truth with ±2 sd bands, and errors.
 
-    Without -e the three most prominent estimators of each angle are drawn, those left out whose own
-    sd mostly exceeds 1 deg. --detail draws further channels of the estimators whose truth the log
-    holds, like tire forces.
+    Without -e the three most prominent estimators of each angle are drawn, of several logs one of
+    each, and none whose own sd mostly exceeds 1 deg. Over time each log begins at its own start.
+    RMSE is that of `evaluate`. --detail draws further channels whose truth the log holds.
 
     Example: roadlog plot drive.mcap -e fusion --angle grade --over distance --to 900 -o grade.svg
     """
     from roadlog.files import output
     from roadlog.log import DriveLog
-    from roadlog.view.figure import SUFFIXES, Extent, write_figure
+    from roadlog.view.figure import SUFFIXES, write_figure
     from roadlog.view.model import drive_view
+    from roadlog.view.panels import Extent
     from roadlog.view.slopes import in_percent
 
     if out.suffix.lower() not in SUFFIXES:

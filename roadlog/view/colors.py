@@ -62,6 +62,11 @@ def estimator(label: str) -> str:
     return label.partition(RUN_MARK)[0]
 
 
+def run(label: str) -> str:
+    """The run of a label: `causal` of `kmbe@causal`, empty where there is but one."""
+    return label.partition(RUN_MARK)[2]
+
+
 def ordered(labels: Iterable[str]) -> tuple[str, ...]:
     """Labels with the most prominent estimators first; unknown ones last, in given order."""
     rank = {name: k for k, name in enumerate(PROMINENCE)}

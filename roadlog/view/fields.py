@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadlog.details import details_of, field_errors, for_people, true_details
-from roadlog.view.curves import Curve, on_clock
+from roadlog.view.curves import Curve, on_clock, settled
 from roadlog.view.runs import Run
 
 
@@ -34,5 +34,7 @@ def field_plots(runs: Sequence[Run]) -> dict[str, FieldPlot]:
                 true = on_clock(run, e.time, factor * e.true, unknown)
                 value = factor * np.where(e.valid, e.value, np.nan)
                 plot = plots.setdefault(e.name, FieldPlot(unit, true, {}))
-                plot.estimates[label] = on_clock(run, e.time, value, factor * e.sd)
+                plot.estimates[label] = on_clock(
+                    run, e.time, value, factor * e.sd, settled(estimate)
+                )
     return dict(sorted(plots.items()))

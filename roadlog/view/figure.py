@@ -2,84 +2,45 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from roadlog.drive import runs
 from roadlog.errors import LogReadError, near
 from roadlog.files import replacing
-from roadlog.types import Bools, Floats
-from roadlog.view import colors
-from roadlog.view.curves import Curve
+from roadlog.metrics import DEFAULT_SKIP
 from roadlog.view.fields import FieldPlot
-from roadlog.view.model import BAND_ROOM, DriveView, SensorPlot
-from roadlog.view.slopes import degrees, percent
+from roadlog.view.model import DriveView
+from roadlog.view.panels import (
+    SIGNALS,
+    Drawn,
+    Extent,
+    Paint,
+    draw_angle,
+    draw_errors,
+    draw_field,
+    draw_field_errors,
+    draw_signal,
+    gaps,
+)
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 SUFFIXES = (".png", ".svg", ".pdf")
-WIDTH, ROW = 11.0, 2.1  # inches
+WIDTH, ROW, HEAD = 11.0, 2.2, 1.4  # inches
 DPI = 150  # of a png
-BAND = 0.18  # opacity
-FOOT = 0.025  # of an axis' height, that marks a stop
+FOOT = 0.04  # of an axis' height, that marks a stop
 STANDING = 0.05  # m/s, as drawn
-LEAST_ROOM_DEG = 0.2  # above and below what is drawn of a part
-MANY = 20_000  # samples, above which an svg or pdf holds the curves as a picture
-
-
-@dataclass(frozen=True)
-class Extent:
-    """What a figure shows: over time (s) or distance (m), from first to last; None = all.
-
-    angles: these alone, () = all that the log has.
-    """
-
-    over: Literal["time", "distance"] = "time"
-    first: float | None = None
-    last: float | None = None
-    angles: tuple[str, ...] = ()
-
-    @property
-    def label(self) -> str:
-        """Of the axis."""
-        return "time [s]" if self.over == "time" else "distance [m]"
-
-    def __str__(self) -> str:
-        """The options that ask for it."""
-        unit = "s" if self.over == "time" else "m"
-        ends = (("--from", self.first), ("--to", self.last))
-        return " ".join(f"{option} {end:g} {unit}" for option, end in ends if end is not None)
-
-    def of(self, curve: Curve | SensorPlot) -> Floats:
-        """Abscissas of a curve. Raises LogReadError where the log tells no distance."""
-        if self.over == "time":
-            return curve.time
-        if curve.distance is None:
-            raise LogReadError("the log has no speed, so no distance; draw it over time")
-        return curve.distance
-
-    def inside(self, curve: Curve | SensorPlot) -> Bools:
-        """The samples of a curve that are shown; over distance one of each stop."""
-        x = self.of(curve)
-        shown = np.ones(len(x), np.bool_)
-        if self.over == "distance":
-            shown[1:] = np.diff(x) > 0
-        if self.first is not None:
-            shown &= x >= self.first
-        if self.last is not None:
-            shown &= x <= self.last
-        return shown
-
-
 WHOLE = Extent()
-PANELS = {"speed": "speed [m/s]", "altitude": "altitude [m]"}  # inputs shown below the angles
+HEADING = 150  # characters of a line above the legend
+_BANDS = "bands: ±2 sd, by the estimate itself"
+_COUNTED = f"RMSE and spread of errors: from {DEFAULT_SKIP:g} s on"
 
 
 def write_figure(
@@ -118,39 +79,38 @@ def angle_figure(view: DriveView, part: Extent = WHOLE) -> Figure:
     from matplotlib.figure import Figure
 
     angles = [angle for angle in view.ranges if angle in (part.angles or view.ranges)]
-    panels = [name for name in PANELS if view.inputs.get(name)]
+    signals = [name for name in SIGNALS if view.inputs.get(name)]
+    curves = [view.estimates[a][label] for a in angles for label in view.shown.get(a, ())]
     columns = 2 if any(angle in view.errors for angle in angles) else 1
-    rows = len(angles) + -(-len(panels) // columns)
-    figure = Figure(figsize=(WIDTH, 1.1 + ROW * rows), layout="constrained")
+    rows = len(angles) + -(-len(signals) // columns)
+    figure = Figure(figsize=(WIDTH, HEAD + ROW * rows), layout="constrained")
     axes = figure.subplots(rows, columns, sharex=True, squeeze=False)
-    stops = _stops(view, part)
-    axes[0, 0].set_title(_title(view, stops), loc="left", fontsize=10)
-    color = {k: f"#{v:06x}" for k, v in colors.colors(view.estimators).items()}
-    drawn: dict[str, Any] = {}
+    paint = Paint.of(view, [label for angle in angles for label in view.shown.get(angle, ())])
+    drawn: Drawn = {}
     for row, angle in zip(axes, angles, strict=False):
-        drawn |= _angle(row[0], view, angle, part, color)
+        drawn |= draw_angle(row[0], view, angle, part, paint)
         if angle in view.errors:
-            _errors(row[1], view, angle, part, color)
+            draw_errors(row[1], view, angle, part, paint)
         elif columns == 2:
             row[1].set_axis_off()
     below = list(axes[len(angles) :].flat)
-    for axis, panel in zip(below, panels, strict=False):
-        _panel(axis, view, panel, part)
-    for axis in below[len(panels) :]:
+    for axis, signal in zip(below, signals, strict=False):
+        draw_signal(axis, view, signal, part, paint)
+    for axis in below[len(signals) :]:
         axis.set_axis_off()
+    stops = _stops(view, part)
     for axis in (axis for axis in axes.flat if axis.axison):
         for first, last in stops:
-            axis.axvspan(first, last, ymax=FOOT, color="#5f6368", lw=1.5)
-    _finish_figure(figure, axes, view, part, drawn)
+            axis.axvspan(first, last, ymax=FOOT, color="#5f6368", lw=2)
+    said = [
+        *[_BANDS] * bool(curves),
+        *[_COUNTED] * (columns == 2),
+        *["hatched: no valid value"] * any(gaps(curve, part) for curve in curves),
+        *["bars at the foot: stops"] * bool(stops),
+        *["speed and altitude in the color of their drive"] * bool(signals and paint.lead),
+    ]
+    _finish_figure(figure, axes, view, part, drawn, said)
     return figure
-
-
-def _title(view: DriveView, stops: Sequence[tuple[float, float]]) -> str:
-    parts = [text for text, said in (
-        ("estimates with their ±2 sd" if view.estimators else "truth", True),
-        ("stops marked at the foot", bool(stops)),
-    ) if said]  # fmt: skip
-    return f"{view.name}: {'; '.join(parts)}"
 
 
 def _stops(view: DriveView, part: Extent) -> list[tuple[float, float]]:
@@ -170,18 +130,16 @@ def field_figure(view: DriveView, part: Extent, fields: Mapping[str, FieldPlot])
     """Further channels beside their truth (left) and their errors (right), one row a field."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, 1.1 + ROW * len(fields)), layout="constrained")
+    figure = Figure(figsize=(WIDTH, HEAD + ROW * len(fields)), layout="constrained")
     axes = figure.subplots(len(fields), 2, sharex=True, squeeze=False)
-    axes[0, 0].set_title(f"{view.name}: estimates with their ±2 sd", loc="left", fontsize=10)
-    color = {k: f"#{v:06x}" for k, v in colors.colors(view.estimators).items()}
-    drawn: dict[str, Any] = {}
+    paint = Paint.of(view, [label for plot in fields.values() for label in plot.estimates])
+    drawn: Drawn = {}
     for (left, right), (name, plot) in zip(axes, fields.items(), strict=True):
-        drawn |= _field(left, plot, part, color)
-        said = _field_errors(right, plot, part, color)
+        drawn |= draw_field(left, plot, part, paint)
+        draw_field_errors(right, plot, part, paint)
         left.set_ylabel(f"{name} [{plot.unit}]")
         right.set_ylabel(f"error [{plot.unit}]")
-        right.set_title("; ".join(said), loc="left", fontsize=8)
-    _finish_figure(figure, axes, view, part, drawn)
+    _finish_figure(figure, axes, view, part, drawn, [_BANDS, _COUNTED])
     return figure
 
 
@@ -198,170 +156,23 @@ def _chosen(view: DriveView, further: Sequence[str]) -> dict[str, FieldPlot]:
     return chosen
 
 
-def _field(axis: Axes, plot: FieldPlot, part: Extent, color: Mapping[str, str]) -> dict[str, Any]:
-    """Truth and estimates of one field; name -> what the legend shows."""
-    at = part.inside(plot.truth)
-    gray = f"#{colors.TRUTH:06x}"
-    drawn = {"truth": axis.plot(part.of(plot.truth)[at], plot.truth.values[at], color=gray, lw=2.5)}
-    for name, curve in plot.estimates.items():
-        drawn[name] = axis.plot(part.of(curve)[at], curve.values[at], color=color[name], lw=1.0)
-        _band(axis, curve, curve.values, color[name], part)
-    _plain(axis)
-    return {name: lines[0] for name, lines in drawn.items()}
-
-
-def _field_errors(axis: Axes, plot: FieldPlot, part: Extent, color: Mapping[str, str]) -> list[str]:
-    """Errors about their bands; RMSE in words."""
-    at, said = part.inside(plot.truth), []
-    for name, curve in plot.estimates.items():
-        error = curve.values - plot.truth.values
-        axis.plot(part.of(curve)[at], error[at], color=color[name], lw=1.0)
-        _band(axis, curve, np.where(np.isfinite(error), 0.0, np.nan), color[name], part)
-        known = error[at & np.isfinite(error)]
-        if len(known):
-            said.append(f"{name} RMSE {np.sqrt(np.mean(known**2)):.3g} {plot.unit}")
-    _plain(axis)
-    return said
-
-
 def _finish_figure(
-    figure: Figure, axes: Any, view: DriveView, part: Extent, drawn: Mapping[str, Any]
+    figure: Figure, axes: Any, view: DriveView, part: Extent, drawn: Drawn, said: Sequence[str]
 ) -> None:
-    """The axis of time below, the legend above."""
+    """The axis of time below, the legend above, headed by the drives and what is shown of them."""
     for column in axes.T:  # the lowest that is drawn has the axis of time
         lowest = [axis for axis in column if axis.axison][-1]
         lowest.set_xlabel(part.label)
         lowest.tick_params(labelbottom=True)
-    labels = [name for name in ("truth", *drawn) if name in drawn]
-    labels = list(
-        dict.fromkeys([*labels[:1], *(n for n in view.estimators if n in drawn), *labels])
-    )
+    truths = [name for name in drawn if name not in view.estimators]
+    labels = [*truths, *(name for name in view.estimators if name in drawn)]
+    heading = (view.name, "; ".join(said))
     figure.legend(
         [drawn[name] for name in labels],
         labels,
-        loc="outside upper center",
+        loc="outside upper left",
         ncols=min(len(labels), 6),
         frameon=False,
+        title="\n".join(line for text in heading for line in textwrap.wrap(text, HEADING)),
+        alignment="left",
     )
-
-
-def _angle(
-    axis: Axes, view: DriveView, angle: str, part: Extent, color: dict[str, str]
-) -> dict[str, Any]:
-    """Truth and estimates of one angle; name -> what the legend shows."""
-    drawn: dict[str, Any] = {}
-    for name, curve in view.truth.get(angle, {}).items():
-        gray, at = f"#{colors.TRUTH:06x}", part.inside(curve)
-        drawn[name] = axis.plot(part.of(curve)[at], curve.values[at], color=gray, lw=2.5)[0]
-    for name in reversed(view.shown.get(angle, ())):  # the most prominent one lies on top
-        curve = view.estimates[angle][name]
-        at = part.inside(curve)
-        drawn[name] = axis.plot(part.of(curve)[at], curve.values[at], color=color[name], lw=1.0)[0]
-        _band(axis, curve, curve.values, color[name], part)
-        _hatch(axis, curve, part)
-    _finish(
-        axis,
-        f"{angle} [{view.unit(angle)}]",
-        _with_band(view, angle, part, _limits(view, angle, part)),
-    )
-    if angle == "grade":
-        ways = (percent, degrees) if view.unit(angle) == "°" else (degrees, percent)
-        other = axis.secondary_yaxis("right", functions=ways)
-        other.set_ylabel("grade [%]" if view.unit(angle) == "°" else "grade [°]")
-    return drawn
-
-
-def _limits(view: DriveView, angle: str, part: Extent) -> tuple[float, float]:
-    """Of an angle's axis: the view's, or of a part what is drawn in it."""
-    if part.first is None and part.last is None:
-        return view.ranges[angle]
-    shown = [view.estimates[angle][name] for name in view.shown.get(angle, ())]
-    curves = [*view.truth.get(angle, {}).values(), *shown]
-    values = np.concatenate([curve.values[part.inside(curve)] for curve in curves])
-    if not np.isfinite(values).any():
-        return view.ranges[angle]
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    room = max(0.15 * (high - low), LEAST_ROOM_DEG)
-    return low - room, high + room
-
-
-def _with_band(
-    view: DriveView, angle: str, part: Extent, limits: tuple[float, float]
-) -> tuple[float, float]:
-    """The limits, and room for both edges of a band that would else fill the axis."""
-    low, high = limits
-    for name in view.shown.get(angle, ())[:1]:
-        curve = view.estimates[angle][name]
-        at = part.inside(curve) & np.isfinite(curve.values)
-        if curve.sd is not None and np.isfinite(curve.sd[at]).any():
-            reach = BAND_ROOM * float(np.nanmedian(curve.sd[at]))
-            middle = float(np.median(curve.values[at]))
-            low, high = min(low, middle - reach), max(high, middle + reach)
-    return low, high
-
-
-def _errors(axis: Axes, view: DriveView, angle: str, part: Extent, color: dict[str, str]) -> None:
-    """Errors of one angle about their bands, and their RMSE in words."""
-    said, widths, unit = [], [], view.unit(angle)
-    for name in reversed(view.shown[angle]):
-        if name not in view.errors[angle]:
-            continue
-        error = view.errors[angle][name]
-        at = part.inside(error)
-        axis.plot(part.of(error)[at], error.values[at], color=color[name], lw=1.0)
-        _band(axis, error, np.where(np.isfinite(error.values), 0, np.nan), color[name], part)
-        if error.sd is not None and np.isfinite(error.sd[at]).any():
-            widths.append(BAND_ROOM * float(np.nanmedian(error.sd[at])))
-        known = error.values[at & np.isfinite(error.values)]
-        if len(known):
-            rmse, spread = np.sqrt(np.mean(known**2)), np.std(known)
-            said.append(f"{name} RMSE {rmse:.2f}{unit}, sd {spread:.2f}{unit}")
-    axis.set_title("; ".join(reversed(said)), loc="left", fontsize=8)
-    low, high = view.error_ranges[angle]
-    widest = max(widths, default=0.0)
-    _finish(axis, f"{angle} error [{unit}]", (min(low, -widest), max(high, widest)))
-
-
-def _panel(axis: Axes, view: DriveView, panel: str, part: Extent) -> None:
-    """A signal that explains the angles: the first one known of each log."""
-    for inputs in view.inputs[panel].values():
-        known = np.isfinite(inputs.values).any(axis=0)
-        at = part.inside(inputs)
-        values = inputs.values[:, int(np.argmax(known))]
-        axis.plot(part.of(inputs)[at], values[at], color="#5f6368", lw=1.0)
-    axis.set_ylabel(PANELS[panel])
-    _plain(axis)
-
-
-def _hatch(axis: Axes, curve: Curve, part: Extent) -> None:
-    """Spans without a valid value."""
-    x, missing = part.of(curve), part.inside(curve) & ~np.isfinite(curve.values)
-    for run in runs(missing):
-        if x[run][-1] - x[run][0] > 0:
-            axis.axvspan(
-                x[run][0], x[run][-1], facecolor="none", edgecolor="#9aa0a6", hatch="///", lw=0,
-                alpha=0.35,
-            )  # fmt: skip
-
-
-def _band(axis: Axes, curve: Curve, center: Any, color: str, part: Extent) -> None:
-    if curve.sd is not None:
-        at = part.inside(curve)
-        low, high = (center - 2 * curve.sd)[at], (center + 2 * curve.sd)[at]
-        axis.fill_between(
-            part.of(curve)[at], low, high, color=color, alpha=BAND, lw=0,
-            rasterized=len(low) > MANY,
-        )  # fmt: skip
-
-
-def _finish(axis: Axes, label: str, limits: tuple[float, float]) -> None:
-    axis.set_ylabel(label)
-    axis.set_ylim(*limits)
-    _plain(axis)
-
-
-def _plain(axis: Axes) -> None:
-    axis.grid(True, lw=0.4, alpha=0.5)
-    axis.margins(x=0)
-    for side in ("top", "right"):
-        axis.spines[side].set_visible(False)

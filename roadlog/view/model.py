@@ -14,8 +14,8 @@ from roadlog.log import DriveLog
 from roadlog.metrics import AngleErrors, angle_errors
 from roadlog.signals import ANGLES, SLOPES, WHEELS
 from roadlog.types import Floats
-from roadlog.view.colors import ordered
-from roadlog.view.curves import Curve, on_clock
+from roadlog.view import colors
+from roadlog.view.curves import Curve, on_clock, settled
 from roadlog.view.fields import FieldPlot, field_plots
 from roadlog.view.lanes import Lane, drive_lanes
 from roadlog.view.runs import Run, load, run_of
@@ -60,7 +60,7 @@ class DriveView:
     estimators: labels, the most prominent first. shown: angle -> the labels that are drawn at
     first. truth, estimates, errors, histograms: angle -> label -> data. inputs: plot -> run ->
     signals. ranges, error_ranges: angle -> lowest and highest value of the axis. fields: fields of
-    further channels that have a truth, like `tires.fx_fl`.
+    further channels that have a truth, like `tires.fx_fl`. drives: runs whose signals differ.
     """
 
     name: str
@@ -82,6 +82,7 @@ class DriveView:
     texts: dict[str, str]
     notes: tuple[str, ...]
     slope: str = "°"  # unit of grade and bank, and of their errors
+    drives: tuple[str, ...] = ()
 
     def unit(self, angle: str) -> str:
         """Of an angle and its errors."""
@@ -117,9 +118,9 @@ def drive_view(
 ) -> DriveView:
     """Collect what is shown of logs, at `rate` Hz.
 
-    Several logs stand side by side, each from its own start; runs of one drive share its truth
-    and inputs. estimators: only these (default: all). Raises MissingSignalError for an estimator
-    that no log has, LogReadError for a log without signals.
+    Several logs are laid over each other, each from its own start; runs of one drive share its
+    truth and inputs. estimators: only these (default: all). Raises MissingSignalError for an
+    estimator that no log has, LogReadError for a log without signals.
     """
     runs = [
         run_of(loaded, Drive.from_tables(loaded.tables.values(), rate))
@@ -128,19 +129,17 @@ def drive_view(
     if not runs:
         raise ConfigError("no log to show")
     drives = [run for k, run in enumerate(runs) if not any(run.same_drive(r) for r in runs[:k])]
-    labels = ordered([label for run in runs for label in run.estimates])
+    labels = colors.ordered([label for run in runs for label in run.estimates])
     truth = _truth_curves(drives)
     of = {label: next(run for run in runs if label in run.estimates) for label in labels}
     estimates = _estimate_curves(of)
     found = _errors(of)
     errors = {
-        angle: {label: _error_curve(of[label], error) for label, error in by_label.items()}
+        angle: {label: _error_curve(of[label], label, error) for label, error in by_label.items()}
         for angle, by_label in found.items()
     }
-    shown = {
-        angle: tuple(curves) if estimators else _first(curves)
-        for angle, curves in estimates.items()
-    }
+    first = tuple if estimators else _first
+    shown = {angle: first(curves) for angle, curves in estimates.items()}
     error_ranges = {
         angle: _symmetric([curves[label] for label in shown[angle] if label in curves])
         for angle, curves in errors.items()
@@ -169,6 +168,7 @@ def drive_view(
         {label: picture for run in runs for label, picture in stop_pictures(run).items()},
         summary_texts(runs, found),
         (*_notes(runs), *_unsure(estimates, shown)),
+        drives=tuple(run.name for run in drives),
     )
 
 
@@ -177,7 +177,7 @@ def _truth_curves(drives: Sequence[Run]) -> dict[str, dict[str, Curve]]:
     for run in drives:
         if run.truth is None:
             continue
-        label = "truth" if run is drives[0] else run.labeled("truth")
+        label = run.labeled("truth") if len(drives) > 1 else "truth"
         for angle in run.truth.angles:
             truth.setdefault(angle, {})[label] = _angle_curve(run, run.truth, angle)
     return truth
@@ -223,25 +223,34 @@ def _ranges(
 
 
 def _first(curves: Mapping[str, Curve]) -> tuple[str, ...]:
-    """The most prominent estimators of an angle that are sure of what they say."""
-    sure = [
-        label
-        for label, curve in curves.items()
-        if curve.sd is None or not np.nanmedian(np.nan_to_num(curve.sd, nan=np.inf)) > UNSURE
-    ]
+    """The most prominent estimators of an angle that are sure of what they say; of several logs
+    the most prominent one of each.
+    """
+    sure = [label for label in curves if not _is_unsure(curves[label])]
+    by_run = {colors.run(label): label for label in reversed(sure)}
+    if len({colors.run(label) for label in curves}) > 1:
+        return tuple(label for label in sure if label in by_run.values())
     return tuple(sure[:SHOWN_FIRST]) or tuple(curves)[:1]
+
+
+def _is_unsure(curve: Curve) -> bool:
+    sd = curve.sd
+    return sd is not None and bool(np.nanmedian(np.nan_to_num(sd, nan=np.inf)) > UNSURE)
 
 
 def _unsure(
     estimates: Mapping[str, Mapping[str, Curve]], shown: Mapping[str, Sequence[str]]
 ) -> list[str]:
     """A sentence for each of the most prominent estimators that is not drawn, and why."""
+    left_out: dict[str, list[str]] = {}
+    for angle, curves in estimates.items():
+        for label in tuple(curves)[:SHOWN_FIRST]:
+            if label not in shown[angle] and _is_unsure(curves[label]):
+                left_out.setdefault(label, []).append(angle)
     return [
-        f"{angle}: {label} is not drawn, its own sd mostly exceeds {UNSURE:g} deg; "
-        f"-e {label.partition('@')[0]} draws it"
-        for angle, curves in estimates.items()
-        for label in tuple(curves)[:SHOWN_FIRST]
-        if label not in shown[angle]
+        f"{label} is not drawn in {', '.join(angles)}: it is unsure by more than {UNSURE:g} deg "
+        f"(its own sd); name all that you want, as -e {colors.estimator(label)}"
+        for label, angles in left_out.items()
     ]
 
 
@@ -270,9 +279,9 @@ def _angle_curve(run: Run, track: Estimate, angle: str) -> Curve:
     return on_clock(run, track.time, values, np.degrees(track.sd[angle]))
 
 
-def _error_curve(run: Run, error: AngleErrors) -> Curve:
+def _error_curve(run: Run, label: str, error: AngleErrors) -> Curve:
     values = np.where(error.valid, np.degrees(error.error), np.nan)
-    return on_clock(run, error.time, values, np.degrees(error.sd))
+    return on_clock(run, error.time, values, np.degrees(error.sd), settled(run.estimates[label]))
 
 
 def _inputs(drives: Sequence[Run]) -> dict[str, dict[str, SensorPlot]]:

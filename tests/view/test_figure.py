@@ -19,9 +19,11 @@ from roadlog import view as roadlog_view
 from roadlog.cli import app
 from roadlog.errors import LogReadError, MissingExtraError
 from roadlog.log import DriveLog, create
+from roadlog.metrics import evaluate
 from roadlog.view import colors
-from roadlog.view.figure import Extent, angle_figure, write_figure
+from roadlog.view.figure import angle_figure, write_figure
 from roadlog.view.model import DriveView, drive_view
+from roadlog.view.panels import Extent
 from roadlog.view.slopes import in_percent
 
 
@@ -88,8 +90,44 @@ def test_slopes_in_percent(log: DriveLog) -> None:
     known = np.isfinite(wrong)
     assert_allclose(off[known], (found - true)[known], atol=1e-9)
     assert np.isnan(off[~known]).all()
-    assert "%, sd" in error.get_title(loc="left")
+    assert "%, spread" in error.get_title(loc="left")
     assert "pitch [°]" in {axis.get_ylabel() for axis in figure.axes}
+
+
+def test_the_rmse_is_that_of_evaluate(log: DriveLog) -> None:
+    """Only that the errors are taken at the picture's samples, 20 of a second, not the truth's."""
+    evaluated = evaluate(log)["kmbe"]["grade"]
+    title = angle_figure(drive_view(log, ["kmbe"])).axes[1].get_title(loc="left")
+    assert title == f"kmbe RMSE {evaluated.rmse_deg:.2f}°, spread {evaluated.std_deg:.2f}°"
+
+
+def test_no_two_estimates_of_a_figure_share_a_color_and_no_title_is_cut(tmp_path: Path) -> None:
+    """Of a log with more estimators than there are colors, those that share one."""
+    first, second = colors.PROMINENCE[0], colors.PROMINENCE[len(colors.PALETTE)]
+    log = make_log(tmp_path / "x.mcap", colors.PROMINENCE)
+    figure = angle_figure(drive_view(log, [first, second, "static_slope"]))
+    lines = figure.axes[0].get_lines()[1:]
+    assert len({line.get_color() for line in lines}) == len(lines) == 3
+    figure.draw_without_rendering()
+    right = figure.bbox.x1
+    for axis in figure.axes:
+        for text in (axis.title, axis._left_title):  # type: ignore[attr-defined]
+            assert text.get_window_extent().x1 <= right
+    assert "static_slope RMSE" in figure.axes[1].get_title(loc="left")
+
+
+def test_two_drives_in_one_figure_are_told_apart(tmp_path: Path) -> None:
+    """One estimator of each, truth and speed by their dashes, and speeds by color too."""
+    logs = [make_log(tmp_path / f"s{k}.mcap", ("kmbe", "debe"), seed=k) for k in (1, 2)]
+    figure = angle_figure(drive_view(logs))
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert names[:4] == ["truth@s1", "truth@s2", "kmbe@s1", "kmbe@s2"]
+    first, second = figure.axes[0].get_lines()[:2]
+    assert first.get_linestyle() != second.get_linestyle()
+    (speed,) = (axis for axis in figure.axes if axis.get_ylabel() == "speed [m/s]")
+    colored = {line.get_color() for line in speed.get_lines()}
+    assert colored == {line.get_color() for line in figure.axes[0].get_lines()[2:]}
+    assert "speed and altitude in the color" in figure.legends[0].get_title().get_text()
 
 
 def test_figure_of_single_angles(log: DriveLog, tmp_path: Path) -> None:
@@ -183,7 +221,7 @@ def test_a_stop_is_a_mark_over_time_and_no_spike_over_distance(
     view = stop_and_go()
     over_time, over_distance = angle_figure(view), angle_figure(view, Extent("distance"))
     for figure in (over_time, over_distance):
-        assert figure.axes[0].get_title(loc="left") == "pass: truth; stops marked at the foot"
+        assert figure.legends[0].get_title().get_text() == "pass\nbars at the foot: stops"
         assert len(figure.axes[0].patches) >= 2
         assert not [axis for axis in figure.axes if axis.axison and not axis.has_data()]
     x = over_distance.axes[0].get_lines()[0].get_xdata()

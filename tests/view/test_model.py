@@ -59,7 +59,7 @@ def test_runs_of_one_drive_share_truth_and_inputs(tmp_path: Path) -> None:
     assert [list(runs) for runs in view.inputs.values()] == [["a"]] * len(view.inputs)
     other = make_log(tmp_path / "c.mcap", NAMES[:1], seed=2)
     view = drive_view([one, other])
-    assert list(view.truth["grade"]) == ["truth", "truth@c"]
+    assert list(view.truth["grade"]) == ["truth@a", "truth@c"]
     assert list(view.tracks) == ["a", "c"]
 
 
