@@ -15,9 +15,10 @@ EARTH_RADIUS = 6_371_008.8  # m, mean (IUGG)
 
 
 def of_degrees_minutes(values: Floats) -> Floats:
-    """deg of `ddmm.mmmm`, degrees and minutes in one number (NMEA 0183)."""
+    """deg of `ddmm.mmmm`, degrees and minutes in one number (NMEA 0183); NaN for 60 minutes on."""
     whole = np.trunc(np.divide(values, 100))
-    return np.asarray(whole + (values - 100 * whole) / 60)
+    minutes = np.asarray(values - 100 * whole)
+    return np.where(np.abs(minutes) < 60, whole + minutes / 60, np.nan)
 
 
 @dataclass(frozen=True)

@@ -136,6 +136,23 @@ def contradicted(located: Sequence[Located]) -> list[str]:
     return found
 
 
+def without_minutes(located: Sequence[Located]) -> list[str]:
+    """Sentences on degrees and minutes in one number that are none: minutes of 60 and more."""
+    found = []
+    for entry, frame, column in located:
+        if entry.unit != DEGREES_MINUTES:
+            continue
+        values = _numbers(frame.columns[column], entry.role) * entry.scale + entry.offset
+        rows = np.flatnonzero(np.isfinite(values) & np.isnan(of_degrees_minutes(values)))
+        if len(rows):
+            found.append(
+                f"{entry.role}: {len(rows)} of {len(values)} values of {column} left out, with "
+                f"minutes of 60 or more (row {rows[0] + 1}: {values[rows[0]]:.10g}); is it "
+                f"{DEGREES_MINUTES}?"
+            )
+    return found
+
+
 def left_over(frames: Iterable[Frame], located: Sequence[Located]) -> list[str]:
     """Names in the source that nothing uses."""
     used = {(id(frame), column) for _, frame, column in located}

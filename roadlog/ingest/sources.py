@@ -113,6 +113,7 @@ def ingest(
     recordings = [source.read(databases) for source in opened]
     profiles = list({source.profile.name: source.profile for source in opened}.values())
     groups, mapped, over, lacking, doubts = [], [], [], [], []
+    losses = [loss for recording in recordings for loss in recording.losses]
     for chosen in profiles:
         own = [r for s, r in zip(opened, recordings, strict=True) if s.profile.name == chosen.name]
         frames = joined(frame for recording in own for frame in recording.frames)
@@ -120,6 +121,7 @@ def ingest(
         lacking += absent
         over += mapping.left_over(frames, located)
         doubts += mapping.contradicted(located)
+        losses += mapping.without_minutes(located)
         for members in _clock_groups(own, frames):
             here = [place for place in located if any(place.frame is f for f in members)]
             signals, kinds = mapping.signals(chosen, here)
@@ -131,7 +133,6 @@ def ingest(
     if truth_from is not None:
         tables, mapped, told = _referenced(truth_from, tables, mapped)
         said += told
-    losses = [loss for recording in recordings for loss in recording.losses]
     losses += [loss for recording in recordings for loss in _backward(recording)]
     metadata = _records(profiles, clock, paths)
     inertial = any(m.role.startswith("imu.") for m in mapped)

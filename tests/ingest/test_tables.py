@@ -373,3 +373,20 @@ def test_a_stamp_that_strays_moves_no_other(tmp_path, stray):
     near = time[np.abs(time * 1e-9 - 1.7e9) < 1e3]
     np.testing.assert_allclose(near * 1e-9 - 1.7e9, kept, atol=1e-6)
     assert result.losses == ["drive.csv: the time column runs backward 1 times; put in order"]
+
+
+@pytest.mark.parametrize("bad", ["4860.0000", "4867.038", "-4899.99", "9999.9999"])
+def test_minutes_of_sixty_and_more_are_no_position(tmp_path, bad):
+    path = tmp_path / "drive.csv"
+    places = [f"48{7 + 0.01 * k:07.4f}" for k in range(40)]
+    places[3] = places[30] = bad
+    path.write_text("time,lat\n" + "".join(f"{k / 10},{p}\n" for k, p in enumerate(places)))
+    (tmp_path / "p.toml").write_text(
+        '[time]\nunit = "s"\n[gnss]\nlatitude = { from = "lat", unit = "ddmm.mmmm" }\n'
+    )
+    result = ingest([path], tmp_path / "p.toml")
+    (table,) = result.tables
+    kept = np.delete(np.arange(40), [3, 30])
+    np.testing.assert_allclose(table.columns["latitude"], 48 + (7 + 0.01 * kept) / 60, atol=1e-9)
+    said = f"2 of 40 values of lat left out, with minutes of 60 or more (row 4: {float(bad):.10g})"
+    assert said in result.losses[0]
