@@ -107,6 +107,10 @@ def test_what_is_uncertain_is_said(tmp_path):
         ("AccX [mm/s^2]", "imu.accel_x", "mm/s^2"),
         ("speed_cms", "speed.v", "cm/s"),
         ("alt_cm", "gnss.altitude", "cm"),
+        ("hGPS", "gnss.altitude", "m"),
+        ("h_gnss [cm]", "gnss.altitude", "cm"),
+        ("course_cdeg", "gnss.course", "cdeg"),
+        ("gyro_z_mdps", "imu.gyro_z", "mdeg/s"),
     ],
 )
 def test_names_that_vendors_use(tmp_path, name, role, unit):
@@ -354,3 +358,34 @@ def test_the_command_writes_a_file_once_and_ingest_takes_it(roadlog, vendor, tmp
     again = roadlog("profile", "new", vendor, "-o", out)
     assert again.returncode == 1
     assert "is there already" in again.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "each"),
+    [
+        ("course", 1.0),
+        ("course", 100.0),
+        ("course_deg", 1.0),
+        ("course_cdeg", 100.0),
+        ("hdg [mdeg]", 1e3),
+        ("course", 1e3),
+        ("headMot", 1e5),
+        ("course_rad", np.pi / 180),
+        ("course", np.pi / 180),
+        ("heading [mrad]", np.pi / 0.18),
+    ],
+)
+def test_a_course_in_any_unit_is_counted_from_the_east(tmp_path, name, each):
+    """Of each kind the values are clockwise from north."""
+    degrees = np.linspace(20, 340, 200)
+    values = degrees * each if each < 10 or "mrad" in name else np.rint(degrees * each)
+    table = np.column_stack(
+        [np.arange(200) * 0.1, values, 48 + degrees * 1e-6, 11 + degrees * 1e-6]
+    )
+    path = tmp_path / "drive.csv"
+    header = f"t,{name},lat,lon"
+    np.savetxt(path, table, "%.9f", ",", header=header, comments="")
+    text = starter([path])
+    (table,) = ingest([path], Profile.from_toml(text, "new")).tables
+    expected = np.radians(90 - degrees)
+    np.testing.assert_allclose(np.cos(table.columns["course"] - expected), 1, atol=1e-6)

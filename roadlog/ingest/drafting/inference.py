@@ -188,13 +188,18 @@ def _mount(draft: Draft, state: motion.Examination) -> None:
 
 def _course(draft: Draft) -> None:
     for guess in [g for g in draft.guesses if g.role == "gnss.course" and not g.typed]:
-        largest = float(np.nanmax(np.abs(guess.frame.columns[guess.column])))
-        unit = "deg" if largest > 2 * np.pi else guess.unit
-        offset = 90.0 if unit == "deg" else np.pi / 2
-        size = 1e-5 if largest > MOST_TURNS * 360 else 1.0  # as u-blox writes it
+        values = guess.frame.columns[guess.column]
+        largest = float(np.nanmax(np.abs(values)))
+        circle = 2 * np.pi / UNITS[guess.unit][1]
         doubt = "taken as clockwise from north; roadlog's is counterclockwise from east"
-        doubt = f"by its size in 1e-5 degrees; {doubt}" if size < 1 else doubt
-        draft.put([guess.role], unit=unit, scale=-size, offset=offset, doubt=doubt)
+        unit, size = guess.unit, 1.0
+        if largest > (MOST_TURNS if guess.stated else 1) * circle:
+            unit, circle = "deg", 360.0
+        whole = bool((values[np.isfinite(values)] % 1 == 0).all() and np.nanmin(values) >= 0)
+        if largest > (2 if whole and not guess.stated else MOST_TURNS) * circle:
+            size = next((size for size in (1e-2, 1e-3) if largest * size <= circle), 1e-5)
+            doubt = f"by its size in {size:g} degrees; {doubt}"
+        draft.put([guess.role], unit=unit, scale=-size, offset=circle / 4, doubt=doubt)
 
 
 def _steering(draft: Draft) -> None:

@@ -63,7 +63,11 @@ def _guess(frame: Frame, column: str, role: str) -> Guess | None:
     satellite = any(map(SATELLITE.fullmatch, words))
     if role.startswith("imu.") and satellite and is_worded(column):
         return None  # what a receiver calculates of its speed has no gravity
-    if role == "gnss.course" and "heading" in words and not _has_positions(frame):
+    if (
+        role == "gnss.course"
+        and not {"heading", "hdg"}.isdisjoint(words)
+        and not _has_positions(frame)
+    ):
         return None
     unit, stated = stated_unit(frame, column, role)
     doubts: tuple[str, ...] = ()

@@ -77,10 +77,10 @@ NAMES: dict[str, tuple[str, ...]] = {
     ),
     "gnss.altitude": (
         r"alt|altitude|height|elevation|elev|hoehe|hohe|altura|altitud|quota|hmsl|altmsl|heightmsl"
-        r"|msl|mslaltitude|altitudemsl|ellipsoidheight",
+        r"|msl|mslaltitude|altitudemsl|ellipsoidheight|h(?:gps|gnss)|(?:gps|gnss)h",
     ),
     "gnss.course": (
-        r"course|bearing|cog|track|trackangle|kurs|cap|rumbo|heading|courseoverground|headmot",
+        r"course|bearing|cog|track|trackangle|kurs|cap|rumbo|heading|hdg|courseoverground|headmot",
     ),
     "steering.road_wheel_angle": (
         r"(?:steer|steering|steered|stwhl|strwhl|strgwhl|strg|lenkrad|lenk|lrw|swa|sas|volante?)"
