@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from roadlog.errors import LogReadError
-from roadlog.ingest import mapping, typed
+from roadlog.ingest import mapping, repeats, typed
 from roadlog.ingest.formats import mcap
 from roadlog.ingest.grid import one_grid
 from roadlog.ingest.profile import Profile, shipped
@@ -50,8 +50,8 @@ def tables(path: Path, profile: Profile) -> tuple[dict[str, Table], list[str], l
     Raises ConfigError for a profile that does not fit, LogReadError.
     """
     recording = mcap.read(path, profile)
-    frames = [frame for frame in recording.frames if len(frame)]
+    frames, coarse, same = repeats.apart(frame for frame in recording.frames if len(frame))
     located, _ = mapping.locate(profile, frames)
     signals, _ = mapping.signals(profile, located)
     found = {table.topic: table for table in mapping.tables(one_grid(signals)[0])}
-    return found, list(recording.losses), list(recording.notes)
+    return found, [*recording.losses, *same], [*recording.notes, *coarse]

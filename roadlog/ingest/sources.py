@@ -14,7 +14,7 @@ from roadlog.checks.delays import delays
 from roadlog.checks.finding import Finding
 from roadlog.checks.impossible import beyond
 from roadlog.errors import ConfigError, LogReadError, near
-from roadlog.ingest import clocks, mapping, typed
+from roadlog.ingest import clocks, mapping, repeats, typed
 from roadlog.ingest.formats import format_of, understood
 from roadlog.ingest.formats.base import Format
 from roadlog.ingest.formats.parsers import readable
@@ -116,12 +116,13 @@ def ingest(
     losses = [loss for recording in recordings for loss in recording.losses]
     for chosen in profiles:
         own = [r for s, r in zip(opened, recordings, strict=True) if s.profile.name == chosen.name]
-        frames = joined(frame for recording in own for frame in recording.frames)
+        whole = joined(frame for recording in own for frame in recording.frames)
+        frames, coarse, same = repeats.apart(whole)
         located, absent = mapping.locate(chosen, frames)
         lacking += absent
         over += mapping.left_over(frames, located)
-        doubts += mapping.contradicted(located)
-        losses += mapping.without_minutes(located)
+        doubts += coarse + mapping.contradicted(located)
+        losses += same + mapping.without_minutes(located)
         for members in _clock_groups(own, frames):
             here = [place for place in located if any(place.frame is f for f in members)]
             signals, kinds = mapping.signals(chosen, here)

@@ -10,7 +10,7 @@ import pytest
 from support.can_cases import START, files, mdf_bus, motion
 from support.drive_formats import DBC, SPEED, profile_of, write_mdf_bus
 
-from roadlog.errors import LogReadError
+from roadlog.errors import ConfigError, LogReadError
 from roadlog.ingest import ingest
 from roadlog.ingest.drafting.starter import starter
 from roadlog.ingest.profile import Profile
@@ -251,3 +251,32 @@ def test_a_database_that_is_not_there_or_broken_is_said(tmp_path, name, embedded
             ingest([path], profile_of(tmp_path))
         notes = str(refused.value)
     assert said in notes
+
+
+def test_two_rasters_of_one_channel_are_told_apart(tmp_path):
+    slow = channel(RAW[:50] + 1, SCALE, times=T[:50] * 4)
+    path = write(tmp_path / "x.mf4", [channel(RAW, SCALE)], [slow])
+    with pytest.raises(ConfigError, match=r"several places \(group 0.v, group 1.v\)"):
+        speed(path)
+    table, _ = speed(path, PROFILE.replace('from = "v"', 'from = "group 1.v"'))
+    np.testing.assert_allclose(table.columns["v"] * 3.6, (RAW[:50] + 1) / 100)
+
+
+@pytest.mark.parametrize(("unit", "each"), [("ms", 1000.0), ("us", 1e6), ("s", 1.0), ("", 1.0)])
+def test_a_master_counts_what_it_states(tmp_path, unit, each):
+    """asammdf takes every master for seconds."""
+    path = tmp_path / "x.mf4"
+    with asammdf.MDF(version="4.10") as file:
+        file.start_time = datetime.fromtimestamp(START, UTC)
+        file.append([channel(RAW, SCALE, times=T * each)])
+        file.groups[0].channels[0].unit = unit
+        file.save(path)
+    table, result = speed(path)
+    np.testing.assert_allclose(table.time * 1e-9 - START, T, atol=1e-6)
+    assert any("its master counts" in note for note in result.notes) is (each != 1)
+
+
+def test_rows_of_an_mdf_file_without_a_time_are_a_loss(tmp_path):
+    stamps = np.where(np.arange(COUNT) == 7, np.nan, T)
+    _, result = speed(write(tmp_path / "x.mf4", [channel(RAW, SCALE, times=stamps)]))
+    assert result.losses == ["x.mf4: group 0: 1 rows without a time"]

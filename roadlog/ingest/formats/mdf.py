@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -51,7 +53,8 @@ def names(path: Path, dbc: Sequence[Path] = ()) -> set[str]:
             if BUS in group.names:
                 found |= can.names(opened.known(dbc)[0])
             else:
-                found |= {*group.names, *(f"{group.title}.{name}" for name in group.names)}
+                titles = (group.title, *group.also)
+                found |= {*group.names, *(f"{t}.{name}" for t in titles for name in group.names)}
         return found
 
 
@@ -84,7 +87,11 @@ def read(path: Path, profile: Profile, dbc: Sequence[Path] = ()) -> Recording:
                 elif any(name.split(".")[0] in OTHER_FRAMES for name in group.names):
                     notes.append(f"{path.name}: {group.label}: {group.size} records, not decoded")
                 elif group.size:
-                    frames.append(_frame(group, path.name, profile))
+                    frames.append(frame := _frame(group, path.name, profile))
+                    if wanted and (lost := group.size - len(frame)):
+                        losses.append(f"{path.name}: {group.label}: {lost} rows without a time")
+                if wanted and group.counted != "s":
+                    notes.append(f"{path.name}: {group.label}: its master counts {group.counted}")
             except RoadlogError as error:
                 refused.append(error)
                 (losses if wanted else notes).append(str(error).replace(str(path), path.name))
@@ -120,6 +127,7 @@ class _Group:
         self._new = file.version >= "4"
         head = group.channel_group
         self.title = str(getattr(head, "acq_name", "") or "")  # not in version 3
+        self.also: frozenset[str] = frozenset()  # its title, where others have the same
         self.label = f"group {self.title or index}"
         self.record = int(head.samples_byte_nr)
         held = sum(block.original_size for block in group.get_data_blocks())
@@ -132,12 +140,14 @@ class _Group:
         # of channels of one name the last counts; the master is the time itself
         master = file.masters_db.get(index)
         self.master = None if master is None else group.channels[master]
+        said = file.get_channel_unit(group=index, index=master) if master is not None else ""
+        self.counted = times.unit_stated(said or "") or "s"  # by the master: s in the standard
         self.remote = bool(self._new and head.flags & REMOTE_MASTER)
         self.places = {name: k for k, name in enumerate(self.names) if k != master}
 
     def reads(self, profile: Profile) -> list[str]:
         """Channels that a profile reads."""
-        return [name for name in self.places if profile.reads(name, self.title)]
+        return [n for n in self.places if profile.reads(n, self.title, *self.also)]
 
     def clock(self, column: str = "") -> str:
         """The channel that is the time, empty for a master that is one. Raises LogReadError."""
@@ -186,8 +196,8 @@ class _Group:
                     unit = unit or times.unit_of(stamps, f"{self._path}: {clock}")
                     time, keep = times.from_numbers(stamps, unit)
                 else:
-                    seconds = np.asarray(signals[0].timestamps)
-                    time, keep = times.from_numbers(seconds, "s")
+                    stamps = np.asarray(signals[0].timestamps)
+                    time, keep = times.from_numbers(stamps, self.counted)
                 found = _Slice(time + self.epoch, [column[keep] for column in values])
             yield found
 
@@ -271,8 +281,18 @@ def _opened(path: Path, zone: str = "") -> Iterator[_Opened]:
         shift, note = times.local(epoch, zone, path.name) if local else (0, "")
         for group in groups:
             group.epoch = epoch - shift
+        _told_apart(groups)
         with file:
             yield _Opened(file, path, groups, [note] if note else [])
+
+
+def _told_apart(groups: list[_Group]) -> None:
+    """Number groups of one title that share a channel, as a second raster of a logger does."""
+    seen = Counter((group.title, name) for group in groups for name in group.places)
+    for k, group in enumerate(groups):
+        if BUS not in group.names and any(seen[group.title, name] > 1 for name in group.places):
+            group.also = frozenset({group.title} - {""})
+            group.title = f"{group.title}[{k}]" if group.title else f"group {k}"
 
 
 def _epoch(file: Any) -> tuple[int, bool]:
@@ -297,7 +317,7 @@ def _frame(group: _Group, file: str, profile: Profile) -> Frame:
     """One channel group; of channels that the profile does not read only the names."""
     wanted = group.reads(profile)
     if not wanted:
-        return unread(group.title, file, group.places)
+        return replace(unread(group.title, file, group.places), also=group.also)
     clock = group.clock(profile.clock.column if profile.clock.column in group.places else "")
     unit = times.unit_stated(profile.clock.unit, group.unit(clock)) if clock else ""
     wanted = [name for name in wanted if name != clock]
@@ -319,7 +339,7 @@ def _frame(group: _Group, file: str, profile: Profile) -> Frame:
             np.broadcast_to(text, len(stamps)) if name in texts else spools[name].column()
         )
     units = {name: group.unit(name) for name in wanted}
-    return Frame(group.title, file, stamps, columns, units)
+    return Frame(group.title, file, stamps, columns, units, also=group.also)
 
 
 def _bus_frames(group: _Group) -> Iterator[can.CanFrames]:
