@@ -87,11 +87,8 @@ class DriveLog:
         self._reader.source.close()
 
     def __reduce__(self) -> tuple:
-        return DriveLog, (
-            self.path,
-            self.given,
-            self.clock,
-        )  # another process opens the file itself
+        # another process opens the file itself
+        return DriveLog, (self.path, self.given, self.clock)
 
     def __repr__(self) -> str:
         seconds = 0.0
@@ -316,12 +313,12 @@ class DriveLog:
         """Put estimates into the log, in place of earlier ones of the same name.
 
         names: of estimates that are made only as they are written, so that one of them at a time is
-        in memory; others are known by themselves.
-        Everything else stays byte for byte; the file is replaced at once or not at all. vehicle:
-        stored in the log when given. in_place: change the file itself, with an undo journal beside
-        it, instead of writing a copy. faults: kept with each estimate. as_ros2: as ROS 2
-        messages, the truth too, so that a bag stays one; a log with such results gets more of them.
-        Raises LogWriteError, also where the log is not the one any more that was read.
+        in memory; others are known by themselves. Everything else stays byte for byte; the file is
+        replaced at once or not at all. vehicle: stored in the log when given. in_place: change the
+        file itself, with an undo journal beside it, instead of writing a copy. faults: kept with
+        each estimate. as_ros2: as ROS 2 messages, the truth too, so that a bag stays one; a log
+        with such results gets more of them. Raises LogWriteError, also where the log is not the one
+        any more that was read.
         """
         names = set(names)
         if in_place or not names:  # a file that is being changed waits for nothing
@@ -351,7 +348,9 @@ class DriveLog:
                 check=lambda now: there.append(self._checked(now)),
             )
         if out is None:
-            self._open()  # the file is another one now
+            lost = self.losses  # of what the estimates rest on
+            self._open()  # the file is another one now, and whole
+            self.losses = list(dict.fromkeys([*lost, *self.losses]))
             if as_ros2:
                 name_results(self.path, self.channels)
 

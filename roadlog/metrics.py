@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from roadlog.log import DriveLog
 
 DEFAULT_SKIP = 5.0  # s, filters converge
+TRUTH_ADVICE = (
+    "ingest it with --truth-from gnss (grade by the receiver's heights), --truth-from FILE "
+    "(a surveyed road), or a [truth] section in the profile"
+)
 HEADLAMP_DEG = (0.2, 0.5)  # deg, errors of the pitch that a headlamp forgives; Kim 2023, Table 2
 STOP_EVENT = "roadlog.v1.StopEvent"
 
@@ -192,8 +196,7 @@ def evaluate(log: DriveLog, skip: float = DEFAULT_SKIP, remove_offset: bool = Fa
     truth = log.truth()
     if truth is None:
         raise LogReadError(
-            f"{log.path}: has no truth on {TRUTH_TOPIC} to compare with; "
-            f"ingest one with a [truth] section in the profile"
+            f"{log.path}: has no truth on {TRUTH_TOPIC} to compare with; {TRUTH_ADVICE}"
         )
     if not log.estimators:
         raise LogReadError(f"{log.path}: has no estimates yet; run `roadlog estimate {log.path}`")

@@ -76,8 +76,10 @@ class SensorSet:
 
     def __str__(self) -> str:
         """The IMU in words."""
-        lies = "as its vehicle file says" if self.mounted else "whose lean, 1.5 deg, nobody stated"
-        return f"{'a steady' if self.steady else 'a shaken'} IMU {lies}"
+        lies = "mounted as its vehicle file says"
+        if not self.mounted:
+            lies = "that may lean by 1.5 deg (no vehicle file says how it is mounted)"
+        return f"{'an' if self.steady else 'a shaken or noisy'} IMU {lies}"
 
 
 def noise(drive: Drive) -> float:
@@ -104,7 +106,6 @@ OTHERS = {
     "pitch": {"ekf_suspension": 0.08, "grade_pitch_ekf": 0.47, "kasaba": 0.73},
     "roll": {"roll_bank_obs": 0.06, "split_qs": 0.07},
 }
-WHOLE_IMU = "three accelerations and three rates: `fusion` can run then"
 
 
 @cache
@@ -132,16 +133,28 @@ class Outlook:
     better_deg: float | None = None
 
 
-def outlook(sensors: SensorSet, able: Collection[str]) -> list[Outlook]:
-    """For each angle, what to expect of a drive. able: estimators that can run on it."""
+def outlook(
+    sensors: SensorSet, able: Collection[str], lacking: Collection[str] = ()
+) -> list[Outlook]:
+    """For each angle, what to expect of a drive. able: estimators that can run on it. lacking: what
+    `fusion` would need.
+    """
     if "fusion" in able:
         return [_of_fusion(sensors, k) for k in range(len(SEPARATED))]
     found = []
     for k, angle in enumerate(SEPARATED):
         name = next((name for name in OTHERS[angle] if name in able), "")
         better = accuracies()[known(sensors)][k]
-        found.append(Outlook(angle, name, OTHERS[angle].get(name), WHOLE_IMU, better))
+        found.append(Outlook(angle, name, OTHERS[angle].get(name), _needed(lacking), better))
     return found
+
+
+def _needed(lacking: Collection[str]) -> str:
+    """What lets `fusion` run, in words."""
+    imu = "three accelerations and three rates"
+    parts = [imu] if any("imu." in role for role in lacking) else []
+    parts += ["a speed"] if any("imu." not in role for role in lacking) else []
+    return f"{' and '.join(parts) or imu}: `fusion` can run then"
 
 
 def _of_fusion(sensors: SensorSet, k: int) -> Outlook:

@@ -19,6 +19,7 @@ from roadlog.outlook import Outlook, SensorSet, outlook
 from roadlog.signals import SECTIONS, SIGNALS, split_estimate_topic
 from roadlog.stamps import main_span
 from roadlog.storage import Channel, Table
+from roadlog.types import Floats, Stamps
 
 if TYPE_CHECKING:
     from roadlog.ingest.profile import Profile
@@ -33,7 +34,7 @@ class ChannelSummary:
     role: section of the vocabulary, `estimate`, or None for a channel that roadlog does not use.
     rate: Hz, median. jitter: s, sd of the intervals without the gaps. gaps: intervals beyond the
     stale limit, longest_gap the largest interval in s. nan_share: of the values
-    of the signals it has. not_monotonic: stamps that repeat or run backward.
+    of the signals it has, each at its own rate. not_monotonic: stamps that repeat or run backward.
     """
 
     topic: str
@@ -51,7 +52,9 @@ class ChannelSummary:
 
 @dataclass(frozen=True)
 class SignalSummary:
-    """One signal: role, unit, Hz at which it is known, share of NaN, smallest, mean, largest."""
+    """One signal: role, unit, Hz at which it is known, share of the values at that rate which are
+    not, smallest, mean, largest.
+    """
 
     role: str
     topic: str
@@ -95,6 +98,8 @@ class LogSummary:
 
 def summarize(log: DriveLog) -> LogSummary:
     """Look through a whole log. Raises LogReadError when the file cannot be read."""
+    from roadlog import estimators
+
     tables, strays = without_strays(log.tables())
     span = main_span({topic: table.time for topic, table in tables.items()})
     duration = 0.0 if span is None else (span.end - span.start) * 1e-9
@@ -121,6 +126,7 @@ def summarize(log: DriveLog) -> LogSummary:
     found.sort(key=lambda finding: finding.harm, reverse=True)
     able = _estimators(drive, log)
     sensors = SensorSet.of(drive, log.vehicle) if drive else None
+    lacking = estimators.get("fusion").missing(drive)
     return LogSummary(
         str(log.path),
         duration,
@@ -130,7 +136,7 @@ def summarize(log: DriveLog) -> LogSummary:
         found,
         able,
         sensors,
-        outlook(sensors, [e.name for e in able if e.can_run]) if sensors else [],
+        outlook(sensors, [e.name for e in able if e.can_run], lacking) if sensors else [],
     )
 
 
@@ -163,7 +169,9 @@ def corrections(record: Mapping[str, str]) -> list[str]:
     found = []
     for name, mount in profile.mounts.items():
         if not np.allclose(mount, np.eye(3)):
-            rows = ", ".join("[" + ", ".join(f"{c:.3g}" for c in row) + "]" for row in mount)
+            rows = ", ".join(
+                "[" + ", ".join(f"{round(c, 3) + 0.0:.3g}" for c in row) + "]" for row in mount
+            )
             found.append(f"{name}: axes turned by [{rows}]")
     groups: dict[str, list[str]] = {}
     for entry in profile:
@@ -225,7 +233,21 @@ def _nan_share(table: Table | None) -> float | None:
     if table is None:
         return None
     reals = [v for v in table.columns.values() if v.dtype.kind == "f" and np.isfinite(v).any()]
-    return float(np.mean([~np.isfinite(values) for values in reals])) if reals else None
+    return float(np.mean([_missing(table.time, values) for values in reals])) if reals else None
+
+
+def _missing(time: Stamps, values: Floats) -> float:
+    """Share of the values that its own rate promises: a signal of 1 Hz in rows of 25 Hz lacks none.
+
+    time (n,): ns.
+    """
+    fresh = np.isfinite(values)
+    known = int(fresh.sum())
+    steps = np.diff(time[fresh])
+    promised = len(values)
+    if (steps > 0).any():
+        promised = min(promised, int(np.ptp(time) / np.median(steps[steps > 0])) + 1)
+    return max(0.0, 1 - known / promised)
 
 
 def _signals(tables: Mapping[str, Table]) -> list[SignalSummary]:
@@ -247,7 +269,7 @@ def _signals(tables: Mapping[str, Table]) -> list[SignalSummary]:
                     section.topic,
                     SIGNALS[signal.role].unit,
                     float(1 / np.median(steps[steps > 0])) if (steps > 0).any() else None,
-                    1 - len(known) / len(values),
+                    _missing(table.time, values),
                     float(known.min()),
                     float(known.mean()),
                     float(known.max()),

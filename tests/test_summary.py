@@ -133,3 +133,15 @@ def test_the_upright_housing_and_invalid_frames_are_found(shared, tmp_path):
     raw = found(files, naive("canmod", tmp_path), dbc)
     assert set(raw) == {"axes", "invalid_values", "latency"}
     assert '"-y", left = "-z"' in raw["axes"]
+
+
+def test_a_slow_signal_in_fast_rows_lacks_nothing(roadlog, tmp_path):
+    """1 Hz in rows of 25.6 Hz, of which 3 of 60 values are missing."""
+    imu, wheels, _ = hill_tables(60.0, 25.6)
+    speed = np.full(len(wheels.time), np.nan)
+    fresh = np.unique(np.round(np.arange(0, 60) * 25.6).astype(int))
+    speed[fresh] = 10.0
+    speed[fresh[20:23]] = np.nan
+    create(tmp_path / "slow.mcap", [imu, wheels, table("gnss", wheels.time, {"speed": speed})])
+    said = roadlog("info", "slow.mcap").stdout
+    assert re.search(r"gnss\.speed +m/s +1\.0 +5\.0 %", said), said

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from roadlog.cli import console, life, options
+from roadlog.cli import console, life, opening, options
 
 if TYPE_CHECKING:
     from roadlog.calibrate import Calibration
@@ -40,10 +40,9 @@ def calibrate(
     from roadlog.calibrate import calibrate as find
     from roadlog.car.vehicle import Vehicle
     from roadlog.files import output, write
-    from roadlog.log import DriveLog
 
     with output(out, [*logs, vehicle], force=force):
-        opened = [DriveLog(path) for path in dict.fromkeys(logs)]
+        opened = [opening.opened(path) for path in dict.fromkeys(logs)]
         base = Vehicle.load(vehicle) if vehicle else opened[0].vehicle
         drives = {}
         for k, log in enumerate(opened):
@@ -56,9 +55,11 @@ def calibrate(
         console.print_json(_report(found, opened, out))
     else:
         _print(found, out)
-    losses = [f"{log.path}: {loss}" for log in opened for loss in log.losses]
     console.warn_losses(
-        [*losses, *(f"{log} left out: {why}" for log, why in found.left_out.items())]
+        [
+            *opening.losses(opened),
+            *(f"{log} left out: {why}" for log, why in found.left_out.items()),
+        ]
     )
 
 

@@ -19,6 +19,7 @@ FOLDED = 12  # columns that a text is left at least
 
 NOTES = 3  # of one run that are said without -v
 
+told: set[str] = set()  # losses that this command has said
 debug = False
 quiet = False
 verbose = False
@@ -149,14 +150,21 @@ def _blocks(columns: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]
     return lines
 
 
-def figure(value: float | None, digits: int = 3) -> str:
-    """A number for a table; a dash where there is none."""
-    return "-" if value is None else f"{value:.{digits}f}"
+def figure(value: float | None, digits: int = 3, unit: str = "") -> str:
+    """A number for a table, with a unit where the heading has none; a dash for none."""
+    return "-" if value is None else f"{value:.{digits}f}{unit}"
+
+
+def lose(losses: Sequence[str]) -> None:
+    """Say on stderr what was lost, once: as soon as it is known, before what comes of it."""
+    for loss in losses:
+        if loss not in told:
+            told.add(loss)
+            complain(f"warning: {loss}")
 
 
 def warn_losses(losses: Sequence[str]) -> None:
-    """Say on stderr what was lost, and end with the exit code for it."""
-    for loss in losses:
-        complain(f"warning: {loss}")
+    """The same, and end with the exit code for it."""
+    lose(losses)
     if losses:
         raise typer.Exit(LOSS)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from roadlog.cli import console, life, options
+from roadlog.cli import console, life, opening, options
 
 if TYPE_CHECKING:
     from roadlog.car.vehicle import Vehicle
@@ -125,7 +125,10 @@ def estimate(
     ),
     rate: Annotated[float, typer.Option(metavar="HZ", help="Rate of the common clock.")] = 100.0,
     checks: Annotated[
-        bool, typer.Option(" /--no-checks", help="Do not look for faults of the log first.")
+        bool,
+        typer.Option(
+            " /--no-checks", help="Do not look for faults of the log first.", show_default=False
+        ),
     ] = True,
     jobs: Annotated[
         int, typer.Option(min=1, metavar="N", help="Estimators at once; the result is the same.")
@@ -195,9 +198,8 @@ def _estimate_log(path: Path, work: Work) -> tuple[dict[str, Any], list[str]]:
     from roadlog import estimators
     from roadlog.errors import EstimatorError
     from roadlog.estimators.engines import run_on, side_by_side
-    from roadlog.log import DriveLog
 
-    log, target = work.target.of(DriveLog(path, work.profile, clock=work.clock))
+    log, target = work.target.of(opening.opened(path, work.profile, work.clock))
     tables = log.inputs()
     drive = log.drive(work.rate, tables)
     vehicle = log.as_mounted(work.vehicle) if work.vehicle else log.vehicle

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from roadlog.cli import console, life, options
+from roadlog.cli import console, life, opening, options
 
 if TYPE_CHECKING:
     from roadlog.details import DetailMetrics
+    from roadlog.log import DriveLog
     from roadlog.metrics import AngleMetrics, StopMetrics
 
 Metrics = Mapping[str, Mapping[str, "AngleMetrics"]]
@@ -46,7 +47,6 @@ def evaluate(
     """
     from roadlog import details, metrics
     from roadlog.files import output
-    from roadlog.log import DriveLog
 
     results: list[tuple[DriveLog, Metrics]] = []
     stops: list[dict[str, StopMetrics]] = []
@@ -54,7 +54,7 @@ def evaluate(
     with output(csv, [*logs, profile], force=force):
         for k, path in enumerate(logs):
             with life.working(f"comparing {path.name}", k, len(logs)):
-                log = DriveLog(path, profile)
+                log = opening.opened(path, profile)
                 results.append((log, metrics.evaluate(log, skip, remove_offset)))
                 stops.append(metrics.stop_metrics(log, remove_offset))
                 further.append(details.detail_metrics(log, skip))
@@ -75,7 +75,7 @@ def evaluate(
             _print_details(fields)
             for name, m in at_stops.items():
                 console.say(_at_stops(name, m))
-    console.warn_losses([f"{log.path}: {loss}" for log, _ in results for loss in log.losses])
+    console.warn_losses(opening.losses([log for log, _ in results]))
 
 
 def _print(log: str, values: Metrics, skip: float, remove_offset: bool, slope: str) -> None:
@@ -112,7 +112,7 @@ def _sizes(m: AngleMetrics, angle: str, slope: str) -> list[str]:
         if percent
         else (m.rmse_deg, m.bias_deg, m.mae_deg, m.p95_deg, m.max_deg)
     )
-    return [f"{console.figure(size)} %" if percent else console.figure(size) for size in sizes]
+    return [console.figure(size, unit=" %" if percent else "") for size in sizes]
 
 
 def _print_details(fields: Details) -> None:
@@ -133,13 +133,13 @@ def _print_details(fields: Details) -> None:
 
 def _at_stops(name: str, m: StopMetrics) -> str:
     """The headlamp report of one estimator."""
-    text = f"{name}: pitch at {m.compared} of {m.events} events"
+    text = f"{name}: pitch by {m.compared} of {m.events} stops and starts"
     if not m.compared:
         return f"{text}: none to compare"
     if m.converged_after is None:
         mean = "the running mean does not stay within 0.2 deg"
     else:
-        mean = f"the running mean stays within 0.2 deg from event {m.converged_after} on"
+        mean = f"the running mean stays within 0.2 deg from number {m.converged_after} on"
     return (
         f"{text}: mean error {m.bias_deg:+.3f}, spread {m.std_deg:.3f} deg; "
         f"{_percent(m.within_02_deg)} within 0.2 deg, {_percent(m.within_05_deg)} within "

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from roadlog.cli import console, options
+from roadlog.cli import console, opening, options
 
 if TYPE_CHECKING:
     from roadlog.summary import LogSummary, SignalSummary
@@ -24,16 +24,16 @@ def info(
 
     Example: roadlog info drive.mcap
     """
-    from roadlog.log import DriveLog
     from roadlog.summary import summarize
 
-    opened = DriveLog(log, profile, clock=clock or "", recover=False)
+    opened = opening.opened(log, profile, clock, recover=False)
     summary = summarize(opened)
+    console.lose(opening.losses([opened]))
     if as_json:
         console.print_json(asdict(summary))
     else:
         _print(summary, is_whole=not opened.losses)
-    console.warn_losses(opened.losses)
+    console.warn_losses(opening.losses([opened]))
 
 
 def _print(summary: LogSummary, is_whole: bool) -> None:
@@ -71,7 +71,7 @@ def _print(summary: LogSummary, is_whole: bool) -> None:
     for finding in summary.checks:
         console.say(f"{'CHECK' if finding.level == 'fault' else 'note'}: {finding}")
     if not any(finding.level == "fault" for finding in summary.checks):
-        part = "" if is_whole else " in what could be read; the warnings say what could not"
+        part = "" if is_whole else " in what could be read; the warnings say what was not"
         console.say(f"checks: nothing looks wrong{part}")
     _print_outlook(summary)
     _print_way_out(summary)
@@ -117,11 +117,11 @@ def _print_outlook(summary: LogSummary) -> None:
         return
     spoilt = any(finding.check in SPOILING for finding in summary.checks)
     console.say("")
-    columns = ["angle", "take", "RMS error simulated, deg", "what would help most"]
+    columns = ["angle", "best estimator", "expected RMSE, deg", "what would help most"]
     title = "once the CHECKs above are mended:" if spoilt else ""
     console.print_table(columns, rows, title, left=2, remark=True)
-    console.say(f"simulated: cars with these sensors and {summary.sensors},")
-    console.say("mean error included. How sure this log is, the sd of `estimate` says")
+    console.say("expected: of simulated cars with these sensors and")
+    console.say(f"{summary.sensors}; the sd of `estimate` is that of this log")
     console.say("")
 
 

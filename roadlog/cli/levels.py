@@ -22,6 +22,7 @@ def leveled(command: Callable[..., None]) -> Callable[..., None]:
     @wraps(command)
     def with_level(*arguments: Any, quiet: bool, verbose: bool, **options: Any) -> None:
         console.quiet, console.verbose = quiet, verbose
+        console.told.clear()
         with nullcontext() if quiet else life.shown(command.__name__):
             command(*arguments, **options)
 

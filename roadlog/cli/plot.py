@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from roadlog.cli import console, options
+from roadlog.cli import console, opening, options
 
 
 def plot(
@@ -48,7 +48,6 @@ def plot(
     Example: roadlog plot drive.mcap -e fusion --angle grade --over distance --to 900 -o grade.svg
     """
     from roadlog.files import output
-    from roadlog.log import DriveLog
     from roadlog.view.figure import SUFFIXES, write_figure
     from roadlog.view.model import drive_view
     from roadlog.view.panels import Extent
@@ -62,11 +61,11 @@ def plot(
         raise typer.BadParameter("must be time or distance", param_hint="--over")
     part = Extent("distance" if over == "distance" else "time", first, last, tuple(angles or ()))
     with output(out, [*logs, profile], force=force):
-        opened = [DriveLog(path, profile) for path in logs]
+        opened = [opening.opened(path, profile) for path in logs]
         shown = drive_view(opened, names or ())
         for note in shown.notes:
             console.note(note)
         write_figure(in_percent(shown) if slope == "percent" else shown, out, part, further or ())
     drawn = ", ".join(shown.drawn(bool(further)))
     console.say(f"{out}: {drawn or 'the truth alone; no estimates are in the log'}")
-    console.warn_losses([f"{log.path}: {loss}" for log in opened for loss in log.losses])
+    console.warn_losses(opening.losses(opened))

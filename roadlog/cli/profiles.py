@@ -46,14 +46,37 @@ def new(
     tables = [str(text).rpartition("=")[2] for text in dbc or []]
     with output(out, [*sources, *tables], force=force):
         text = starter(sources, dbc or [])
-        if out is None:
-            console.say(text.rstrip())
-            return
-        write(out, text)
+        if out is not None:
+            write(out, text)
+    if out is None:
+        console.say(text.rstrip())
+    if not _maps(text):
+        names = ", ".join(path.name for path in sources)
+        where = "the profile" if out is None else str(out)
+        console.warn_losses(
+            [
+                f"{names}: nothing in it looks like a signal that roadlog knows; {where} has all "
+                "as comments: write what is which, then ingest with it"
+            ]
+        )
+    if out is None:
+        return
     words = ["roadlog", "ingest", *map(str, sources), "-o", "drive.mcap", "--profile", str(out)]
     words += [word for path in dbc or [] for word in ("--dbc", str(path))]
     console.say(f"{out}: check its comments, then")
     console.say(shlex.join(words))
+
+
+def _maps(text: str) -> bool:
+    """Whether a profile says of any signal what it is."""
+    from roadlog.errors import ConfigError
+    from roadlog.ingest.profile import Profile
+
+    try:
+        Profile.from_toml(text, "new")
+    except ConfigError:
+        return False
+    return True
 
 
 def profiles(

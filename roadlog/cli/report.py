@@ -39,6 +39,12 @@ Threshold = Annotated[
     typer.Option(metavar="PERCENT", min=0.0, help="What counts as worse, with --against."),
 ]
 
+IntoFolder = Annotated[
+    bool,
+    typer.Option(
+        "--force", help="Also into a folder with files of other origin that bear a report's names."
+    ),
+]
 OneFile = Annotated[
     bool, typer.Option("--one-file", help="Also DIR/report.html, a page to send, all in it.")
 ]
@@ -70,7 +76,7 @@ def report(
     threshold: Threshold = 10.0,
     one_file: OneFile = False,
     slope: options.Slope = "deg",
-    force: options.Force = False,
+    force: IntoFolder = False,
 ) -> None:
     """Estimate, evaluate and compare many drives: a table and a page, DIR/index.html.
 
@@ -272,12 +278,13 @@ def _end(made: Report, out: str, slope: str) -> None:
 
 
 def _print_ranking(ranked: dict[str, list[dict[str, Any]]], slope: str) -> None:
+    from roadlog.metrics import DEFAULT_SKIP
     from roadlog.signals import SLOPES
 
     in_percent = SLOPES if slope == "percent" else ()
 
     def size(angle: str, error: float | None) -> str:
-        return f"{console.figure(error)} %" if angle in in_percent else console.figure(error)
+        return console.figure(error, unit=" %" if angle in in_percent else "")
 
     rows = [
         [
@@ -295,7 +302,8 @@ def _print_ranking(ranked: dict[str, list[dict[str, Any]]], slope: str) -> None:
     if rows:
         columns = ["angle", "estimator", "logs", "RMSE median", "RMSE 95 %", "in 2 sd", "valid"]
         unit = "degrees, of grade and bank in percent" if in_percent else "degrees"
-        console.print_table(columns, rows, f"errors in {unit}, over all logs", left=2)
+        title = f"errors in {unit}, from {DEFAULT_SKIP:g} s on, over all logs"
+        console.print_table(columns, rows, title, left=2)
 
 
 def _print_comparison(comparison: Comparison) -> None:

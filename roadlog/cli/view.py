@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from roadlog.cli import console, life, options
+from roadlog.cli import console, life, opening, options
 
 if TYPE_CHECKING:
     from roadlog.roads.model import RoadModel
@@ -53,7 +53,6 @@ def view(
     Example: roadlog view drive.mcap causal.mcap -e fusion --save compare.rrd
     """
     from roadlog.files import output
-    from roadlog.log import DriveLog
     from roadlog.scratch import scratch
     from roadlog.view import viewer
     from roadlog.view.model import drive_view
@@ -71,12 +70,12 @@ def view(
             _show(_shown_road(road), save, web, png, connect, folder, force)
         return
     with output(save, [*logs, profile], force=force), scratch() as folder:
-        opened = [DriveLog(path, profile) for path in logs]
+        opened = [opening.opened(path, profile) for path in logs]
         shown = drive_view(opened, names or (), rate)
         for note in shown.notes:
             console.note(f"{note}")
         _show(_shown_drive(shown), save, web, png, connect, folder, force)
-    console.warn_losses([f"{log.path}: {loss}" for log in opened for loss in log.losses])
+    console.warn_losses(opening.losses(opened))
 
 
 def _check(rate: float, web: bool, png: Path | None, connect: str | None) -> None:

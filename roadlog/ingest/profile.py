@@ -177,7 +177,10 @@ class Profile:
                 for key, value in table.items()
             }
         if not any(entries.values()):
-            raise ConfigError(f"{where}: maps no signal; see `roadlog profile new --help`")
+            raise ConfigError(
+                f"{where}: maps no signal; write at least one, as "
+                '[speed] and below it v = { from = "NAME", unit = "km/h" }'
+            )
         clock = dict(clocks).get("", Clock())
         per_file = tuple((pattern, clock) for pattern, clock in clocks if pattern)
         named = tuple(needs)

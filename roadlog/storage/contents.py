@@ -247,7 +247,7 @@ def scan(source: ByteSource) -> Contents:
                 result.behind = max(0, source.size - found.end - len(MAGIC))
     except Damage as damage:
         if data_end is None:
-            result.losses.append(f"it is damaged: {damage}; what was read lies before")
+            result.losses.append(f"it is damaged: {damage}; only what lies before was read")
         else:
             result.losses.append(
                 f"its summary is damaged ({damage}); all messages were found anyway"

@@ -60,8 +60,7 @@ class LogReader:
         try:
             head = self.source.read(0, min(len(MAGIC), self.source.size))
             if head != MAGIC:
-                found = "is empty" if not head else "is no MCAP file"
-                raise LogReadError(f"{path}: {found}; make a log with `roadlog ingest`")
+                raise LogReadError(f"{path}: {_no_mcap(self.path, head)}")
             try:
                 self.contents = contents(self.source)
             except Damage as damage:
@@ -258,3 +257,12 @@ def ahead(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
                 yield waiting.pop(0).result()
         for future in waiting:
             yield future.result()
+
+
+def _no_mcap(path: Path, head: bytes) -> str:
+    """What a file is instead, and what to do."""
+    if not head:
+        return "is empty; copy it anew"
+    if path.suffix.lower() == ".mcap":
+        return f"is no MCAP file, whatever its name says: it begins with {head!r}; copy it anew"
+    return f"is no MCAP file; make one with `roadlog ingest {path} -o {path.stem}.mcap`"

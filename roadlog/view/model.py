@@ -11,7 +11,7 @@ from roadlog.drive import Drive
 from roadlog.errors import ConfigError
 from roadlog.estimate import Estimate
 from roadlog.log import DriveLog
-from roadlog.metrics import AngleErrors, angle_errors
+from roadlog.metrics import TRUTH_ADVICE, AngleErrors, angle_errors
 from roadlog.signals import ANGLES, SLOPES, WHEELS
 from roadlog.types import Floats
 from roadlog.view import colors
@@ -262,10 +262,7 @@ def _notes(runs: Sequence[Run]) -> list[str]:
         if not run.log.estimators:
             notes.append(f"{path}: has no estimates yet; run `roadlog estimate {path}`")
         if run.truth is None:
-            notes.append(
-                f"{path}: has no truth, so no errors are shown; "
-                f"ingest one with a [truth] section in the profile"
-            )
+            notes.append(f"{path}: has no truth, so no errors are shown; {TRUTH_ADVICE}")
     return notes
 
 

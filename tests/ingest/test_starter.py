@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.drives import ROOT
+from typer.testing import CliRunner
 
 from roadlog.car.vehicle import Vehicle
 from roadlog.checks import check
+from roadlog.cli import app
 from roadlog.drive import Drive
 from roadlog.errors import ConfigError
 from roadlog.estimators import run
@@ -135,8 +137,13 @@ def test_a_log_without_known_names_gets_a_profile_of_comments(tmp_path):
     text = starter([path])
     assert "No name in it looks like a signal" in text
     assert "#   engine_speed  (1 to 9)" in text
-    with pytest.raises(ConfigError, match="maps no signal"):
+    with pytest.raises(ConfigError, match=r"maps no signal; write at least one, as \[speed\]"):
         Profile.from_toml(text, "new")
+    done = CliRunner().invoke(app, ["profile", "new", str(path), "-o", str(tmp_path / "p.toml")])
+    assert done.exit_code == 3
+    assert "nothing in it looks like a signal" in done.stderr
+    assert "then" not in done.stdout  # no ingest that would fail
+    assert "engine_speed" in (tmp_path / "p.toml").read_text("utf-8")
 
 
 @pytest.mark.parametrize(

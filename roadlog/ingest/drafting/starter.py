@@ -51,7 +51,9 @@ def starter(sources: Sequence[Path | str], dbc: Sequence[Path] = ()) -> str:
     frames: list[Frame] = []
     for source in opened:
         if not source.format.is_table:
-            frames += source.read(databases).frames
+            recording = source.read(databases)
+            frames += recording.frames
+            head += [note for note in recording.notes if ": CAN: " in note]
             continue
         clock, doubt = clock_of(source)
         clocks[source.path.name] = clock

@@ -220,7 +220,8 @@ class Decoder:
             raise LogReadError(f"{self.file}: nothing decoded: {what} (seen: {shown})")
         decoded = ", ".join(dict.fromkeys(frame.name for frame in found))
         ids = f"{len(heard)} identifiers, {len(heard) - len(unknown)} decoded: {decoded}"
-        remarks = {"unknown identifiers (frames)": said, **self._remarks(heard)}
+        need = "" if self.known else ", which need a database, --dbc FILE"
+        remarks = {f"unknown identifiers (frames){need}": said, **self._remarks(heard)}
         notes = [f"{self.file}: CAN: {ids}"]
         notes += [f"{self.file}: CAN: {what}: {', '.join(n)}" for what, n in remarks.items() if n]
         return Recording(tuple(found), tuple(self._losses(heard)), tuple(notes))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -71,12 +72,6 @@ def content(table: dict[str, NDArray], ending: str, about: dict[str, str] | None
 def read(path: Path) -> RoadModel:
     """A road that `write` wrote, or a table with its needed headings."""
     table = _parquet(path) if path.suffix.lower() == ".parquet" else _csv(path)
-    lacking = [name for name in NEEDED if name not in table]
-    if lacking:
-        raise LogReadError(
-            f"{path}: a road table needs the columns {', '.join(NEEDED)}; "
-            f"it has no {', '.join(lacking)}"
-        )
     latitude, longitude = table["latitude_deg"], table["longitude_deg"]
     for name, limit in (("latitude_deg", 90.0), ("longitude_deg", 360.0)):
         if len(table[name]) < 2 or not (np.abs(table[name]) <= limit).all():
@@ -95,10 +90,21 @@ def read(path: Path) -> RoadModel:
     return road_of(path.stem, middle, x, y, z, grade=grade, **given)
 
 
+def _check(path: Path, names: Sequence[str]) -> None:
+    """Raise LogReadError where a table is of something else."""
+    lacking = [name for name in NEEDED if name not in names]
+    if lacking:
+        raise LogReadError(
+            f"{path}: is no road table (of `roadlog road`): it has no {', '.join(lacking)}; "
+            "the table of a drive goes through `roadlog ingest` first"
+        )
+
+
 def _parquet(path: Path) -> dict[str, Floats]:
     pa, parquet = _pyarrow()
     try:
         table = parquet.read_table(path)
+        _check(path, table.column_names)
         return {name: table[name].to_numpy().astype(np.float64) for name in table.column_names}
     except (pa.ArrowException, OSError, ValueError, TypeError) as error:
         why = str(error).replace(str(path), path.name)
@@ -109,8 +115,9 @@ def _csv(path: Path) -> dict[str, Floats]:
     try:
         with path.open(encoding="utf-8-sig") as file:
             names, rows = file.readline().strip().split(","), file.readlines()
+        _check(path, names)
         if not rows:
-            raise LogReadError(f"{path}: no road table: it has no rows")
+            raise LogReadError(f"{path}: is a road table without rows")
         values = np.loadtxt(rows, delimiter=",", ndmin=2)
     except (OSError, ValueError) as error:
         why = str(error).partition("; use `usecols`")[0]
