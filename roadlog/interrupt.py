@@ -57,7 +57,7 @@ def end() -> NoReturn:
 
     files.abandon()
     processes.end_all()
-    written = ", ".join(str(path) for path in files.written)
+    written = ", ".join(str(path) for path in files.written if path.exists())
     text = _story[0] if _story else f"stopped; {f'written: {written}' if written else NOTHING}"
     os.write(2, f"roadlog: {text}\n".encode("utf-8", "replace"))
     if threading.current_thread() is threading.main_thread():

@@ -99,10 +99,12 @@ def print_table(
     title: str = "",
     left: int = 1,
     remark: bool = False,
+    spare: Sequence[str] = (),
 ) -> None:
     """A table; the first `left` columns are text, the rest figures, the last a remark if so.
 
-    Texts fold, figures never do: a terminal too narrow for them gets a block for each row.
+    Texts fold, figures never do. A terminal too narrow for them goes without the columns of
+    `spare`, the first of them first; if that is not enough, it gets a block for each row.
     """
     from rich.console import Console
     from rich.table import Table
@@ -110,34 +112,62 @@ def print_table(
 
     cells = [[_plain(cell) for cell in row] for row in rows]
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
-    if _least_width(columns, cells, left, remark) > console.width:
-        say("\n".join([title] * bool(title) + _blocks(columns, cells)))
+    texts = [*columns[:left], *([columns[-1]] if remark else [])]
+    shown = _without(columns, cells, texts, spare, console.width)
+    hidden = [column for column in columns if column not in shown]
+    cells = _of(shown, columns, cells)
+    if _least_width(shown, cells, texts, spare) > console.width:
+        say("\n".join([title] * bool(title) + _blocks(shown, cells)))
         return
     table = Table(title=Text(title) if title else None, title_justify="left", box=None)
     table.pad_edge = False
-    for k, column in enumerate(columns):
-        text = _is_text(k, columns, left, remark)
-        side: Literal["left", "right"] = "left" if text else "right"
-        table.add_column(column, justify=side, no_wrap=not text, overflow="fold")
+    for column in shown:
+        side: Literal["left", "right"] = "left" if column in texts else "right"
+        table.add_column(column, justify=side, no_wrap=column not in texts, overflow="fold")
     for row in cells:
         table.add_row(*map(Text, row))
     life.wipe()
     console.print(table)
+    if hidden:
+        say(f"(a wider terminal shows {', '.join(hidden)} too)")
 
 
-def _is_text(k: int, columns: Sequence[str], left: int, remark: bool) -> bool:
-    return k < left or (remark and k == len(columns) - 1)
+def _without(
+    columns: Sequence[str],
+    cells: Sequence[Sequence[str]],
+    texts: Sequence[str],
+    spare: Sequence[str],
+    width: int,
+) -> list[str]:
+    """The columns that fit: without a text that folds, or else at all; all where none do."""
+    for whole in (columns, spare):
+        for count in range(len(spare) + 1):
+            shown = [column for column in columns if column not in spare[:count]]
+            if _least_width(shown, _of(shown, columns, cells), texts, whole) <= width:
+                return shown
+    return list(columns)
+
+
+def _of(
+    shown: Sequence[str], columns: Sequence[str], cells: Sequence[Sequence[str]]
+) -> list[list[str]]:
+    """The cells of some of the columns."""
+    return [[cell for c, cell in zip(columns, row, strict=True) if c in shown] for row in cells]
 
 
 def _least_width(
-    columns: Sequence[str], cells: Sequence[Sequence[str]], left: int, remark: bool
+    columns: Sequence[str],
+    cells: Sequence[Sequence[str]],
+    texts: Sequence[str],
+    whole: Sequence[str],
 ) -> int:
-    """Columns of a terminal below which a figure or a heading would be cut."""
+    """Columns of a terminal below which a figure, a heading or a text of `whole` would be cut."""
     total = 0
     for k, column in enumerate(columns):
         longest = max([len(column), *(len(row[k]) for row in cells)])
-        total += 2 + (min(longest, FOLDED) if _is_text(k, columns, left, remark) else longest)
-    return total
+        folds = column in texts and column not in whole
+        total += 2 + (min(longest, FOLDED) if folds else longest)
+    return total - 2
 
 
 def _blocks(columns: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]:

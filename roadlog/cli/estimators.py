@@ -44,7 +44,9 @@ def estimators(
         )
         return
     rows = [[e.name, ", ".join(e.gives), e.summary, _brief(e.needs), e.reference] for e in found]
-    console.print_table(["name", "gives", "what it does", "needs", "source"], rows, left=5)
+    console.print_table(
+        ["name", "gives", "what it does", "needs", "source"], rows, left=5, spare=["source"]
+    )
 
 
 def _brief(signals: Sequence[str]) -> str:

@@ -88,7 +88,8 @@ def _print(log: str, values: Metrics, skip: float, remove_offset: bool, slope: s
     unit = "degrees, of grade and bank in percent" if slope == "percent" else "degrees"
     begin = f", from {skip:g} s on" if skip else ""
     ending = f"{begin}, mean error removed" if remove_offset else begin
-    console.print_table(columns, rows, f"{log}: errors in {unit}{ending}", left=2)
+    title = f"{log}: errors in {unit}{ending}"
+    console.print_table(columns, rows, title, left=2, spare=("MAE", "95 %", "max"))
     shares = {
         name: min(m.matched_share or 0.0 for m in angles.values())
         for name, angles in values.items()
@@ -128,7 +129,8 @@ def _print_details(fields: Details) -> None:
     columns = ["field", "estimator", "unit", "RMSE", "mean", "MAE", "95 %", "max", "true sd"]
     if rows:
         title = "further channels, at the truth's times; true sd: the spread of the truth itself"
-        console.print_table([*columns, "in 2 sd"], sorted(rows), title, left=3)
+        spare = ("MAE", "95 %", "max", "mean")
+        console.print_table([*columns, "in 2 sd"], sorted(rows), title, left=3, spare=spare)
 
 
 def _at_stops(name: str, m: StopMetrics) -> str:

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from roadlog.summary import LogSummary, SignalSummary
 
 
+# of the channels, left out first where the terminal is narrow
+SPARE = ("message", "jitter ms", "role", "backward")
+
+
 def info(
     log: Annotated[Path, typer.Argument(help="An MCAP log.")],
     profile: options.TopicProfile = None,
@@ -57,7 +61,9 @@ def _print(summary: LogSummary, is_whole: bool) -> None:
     ]
     columns = ["topic", "role", "message", "count", "Hz", "jitter ms", "gaps", "longest s"]
     columns += ["unknown", "backward"]
-    console.print_table(columns, rows, f"{summary.log}: {summary.duration:.1f} s", left=3)
+    console.print_table(
+        columns, rows, f"{summary.log}: {summary.duration:.1f} s", left=3, spare=SPARE
+    )
     if shown := len(summary.channels) - len(rows):
         console.say(f"and {shown} channels of angles in degrees and frames, for other viewers")
     signals = [_signal(signal) for signal in summary.signals]

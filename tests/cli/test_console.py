@@ -30,6 +30,23 @@ def test_no_figure_is_cut_at_any_width(
         assert heading in out
 
 
+def test_a_narrow_terminal_goes_without_what_can_be_spared(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    headings, row = ["topic", "message", "count", "jitter"], ["/imu", "x" * 30, "10", "0.1"]
+    for width, said in (
+        (60, headings),
+        (30, ["topic", "count", "jitter"]),
+        (13, ["topic", "count"]),
+    ):
+        monkeypatch.setattr(console, "PIPE_WIDTH", width)
+        console.print_table(headings, [row], left=2, spare=("message", "jitter"))
+        lines = capsys.readouterr().out.splitlines()
+        assert lines[0].split() == said
+        assert len(lines) == (2 if said == headings else 3)
+    assert lines[2] == "(a wider terminal shows message, jitter too)"
+
+
 def test_notes_are_few_unless_asked_for(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
