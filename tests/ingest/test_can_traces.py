@@ -117,6 +117,18 @@ def savvycan() -> str:
     return "\n".join(rows) + "\n"
 
 
+def of_two(stamp: str) -> str:
+    """Two interfaces: frames of the other are read 10 us late (-t z), or stand between (-t d)."""
+    rows = []
+    for k, t in enumerate(T):
+        early, ours = (f"{t:010.6f}", f"{t + 1e-5:010.6f}")
+        if stamp == "d":
+            early, ours = (f"{STEP / 4 * (k > 0):010.6f}", f"{STEP * 3 / 4 * (k > 0):010.6f}")
+        frames = [f" ({ours})  can0  064   [8]  {hexed(k)}", f" ({early})  can1  100   [1]  00"]
+        rows += frames if stamp == "z" else frames[::-1]
+    return "\n".join(rows) + "\n"
+
+
 TRACES = {
     **{f"asc {name}": (text, True) for name, text in ASC.items()},
     **{f"trc {version}": (trc(version), True) for version in TRC},
@@ -124,6 +136,10 @@ TRACES = {
     "candump -t A": (printed("A"), True),
     "candump -t z": (printed("z"), False),
     "candump -t d": (printed("d"), False),
+    "candump -t z of two": (of_two("z"), False),
+    "candump -t d of two": (of_two("d"), False),
+    "trc 2.0 without columns": (trc("2.0").replace(";$COLUMNS=N,O,T,I,d,l,D\n", ""), True),
+    "trc 2.1 without columns": (trc("2.1").replace(";$COLUMNS=N,O,T,B,I,d,R,L,D\n", ""), True),
     "candump -x": (printed("a", " ({stamp})  can0  RX - -  064   [8]  {data}"), True),
     "candump with text": (printed("a", " ({stamp})  can0  064   [8]  {data}   '........'"), True),
     "savvycan": (savvycan(), True),

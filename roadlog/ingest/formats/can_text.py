@@ -155,7 +155,7 @@ def _asc_frame(text: str, base: int) -> tuple[str, int | None, bytes] | None:
 
 def trc(trace: Trace) -> Iterator[Line]:
     """PEAK TRC 1.0 to 2.1."""
-    version, start, columns = "1.0", 0, [""]
+    version, start, columns = "1.0", 0, list[str]()
     for line in lines_of(trace.path):
         text = line.strip()
         if text.startswith(";"):
@@ -177,8 +177,9 @@ def trc(trace: Trace) -> Iterator[Line]:
             continue
         trace.loose = version == "1.0"
         try:
-            frame = _trc_frame(text, version, columns)
-        except (ValueError, IndexError):
+            usual = _TRC_COLUMNS.get(version, "").split(",")
+            frame = _trc_frame(text, version, columns or usual)
+        except (ValueError, IndexError, KeyError):
             trace.bad += 1
             continue
         if frame is not None:
@@ -194,12 +195,16 @@ _TRC_PLACES = {  # version -> fields before the identifier: bus, kind; and betwe
     "1.2": (2, 3, 4, 5),
     "1.3": (2, 3, 4, 6),
 }
+_TRC_COLUMNS = {"2.0": "N,O,T,I,d,l,D", "2.1": "N,O,T,B,I,d,R,L,D"}
 _TRC_DATA = {"DT", "FD", "FB", "FE", "BI", "Rx", "Tx"}
 FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 
 
 def _trc_frame(text: str, version: str, columns: list[str]) -> tuple[int, str, str, bytes] | None:
-    """Offset, bus, identifier and payload; None for what is no data. ValueError, IndexError."""
+    """Offset, bus, identifier and payload; None for what is no data.
+
+    Raises ValueError, IndexError, KeyError.
+    """
     if version.startswith("2"):
         words = text.split(None, len(columns) - 1)
         place = {name: words[k] for k, name in enumerate(columns) if k < len(words)}
@@ -285,13 +290,16 @@ def printed(trace: Trace) -> Iterator[Line]:
 
 
 def _are_steps(path: Path) -> bool:
-    """Whether stamps count from the frame before (-t d): they fall, or are all the same."""
+    """Whether stamps count from the frame before (-t d): they go up and down, or stay the same.
+
+    Those of two interfaces fall too, by as much as one was read late.
+    """
     found = (match[1] for line in islice(lines_of(path), LOOKED) if (match := _DUMP.match(line)))
     stamps = [_ns(text.strip()) for text in found if re.fullmatch(r"\s*\d+\.\d+\s*", text)]
     if len(stamps) < 2 or max(stamps) > EPOCH * SECOND:
         return False
-    falls = any(b < a for a, b in pairwise(stamps))
-    return falls or (len(set(stamps[1:])) == 1 and len(stamps) > 3)
+    way = sum(abs(b - a) for a, b in pairwise(stamps[1:]))  # the first is 0 in both
+    return 2 * (stamps[-1] - stamps[1]) < way or (not way and len(stamps) > 3)
 
 
 def python_can_csv(trace: Trace) -> Iterator[Line]:
