@@ -178,6 +178,15 @@ def test_a_log_without_known_names_gets_a_profile_of_comments(tmp_path):
         ("Gyr_X [mdps]", "imu.gyro_x", "mdeg/s"),
         ("position_lat", "gnss.latitude", "deg"),
         ("Steigung_Ref [%]", "truth.grade", "%"),
+        ("Geschwindigkeit über Grund [km/h]", "speed.v", "km/h"),
+        ("Geografische Breite [°]", "gnss.latitude", "deg"),
+        ("Geographische Länge [°]", "gnss.longitude", "deg"),
+        ("Höhe über NN [m]", "gnss.altitude", "m"),
+        ("Vitesse roue avant gauche [km/h]", "wheel_speeds.fl", "km/h"),
+        ("Velocidad rueda trasera derecha [km/h]", "wheel_speeds.rr", "km/h"),
+        ("Velocidad del vehículo [km/h]", "speed.v", "km/h"),
+        ("Vitesse verticale [m/s]", "gnss.climb", "m/s"),
+        ("Velocidad vertical [m/s]", "gnss.climb", "m/s"),
     ],
 )
 def test_names_of_vendors_and_languages(tmp_path, name, role, unit):
@@ -199,6 +208,13 @@ def test_names_of_vendors_and_languages(tmp_path, name, role, unit):
         "Vel Down [m/s]",
         "Altitude Valid",
         "Lat [g]",
+        "Cap pressure",
+        "Fahrzeugbreite [mm]",
+        "Windgeschwindigkeit [km/h]",
+        "Vitesse du vent [km/h]",
+        "Velocidad del viento [km/h]",
+        "Satellite elevation [deg]",
+        "Ride Height FL [mm]",
     ],
 )
 def test_what_a_unit_or_word_contradicts_is_not_mapped(tmp_path, name):

@@ -34,10 +34,14 @@ _SLOPE = (
 _BANK = r"(?:bank|crossslope|crossfall|camber|querneigung|devers|peralte|superelevation)"
 
 CORNERS = {
-    "fl": r"(?:fl|lf|vl|flh|frontleft|leftfront|frleft|vornelinks|vorneli|delanteraizquierda)",
-    "fr": r"(?:fr|rf|vr|frh|frontright|rightfront|frright|vornerechts|vornere|delanteraderecha)",
-    "rl": r"(?:rl|lr|hl|rlh|rearleft|leftrear|releft|hintenlinks|hintenli|traseraizquierda)",
-    "rr": r"(?:rr|hr|rrh|rearright|rightrear|reright|hintenrechts|hintenre|traseraderecha)",
+    "fl": r"(?:fl|lf|vl|flh|frontleft|leftfront|frleft|vornelinks|vorneli|delanteraizquierda"
+    r"|avantgauche)",
+    "fr": r"(?:fr|rf|vr|frh|frontright|rightfront|frright|vornerechts|vornere|delanteraderecha"
+    r"|avantdroite?)",
+    "rl": r"(?:rl|lr|hl|rlh|rearleft|leftrear|releft|hintenlinks|hintenli|traseraizquierda"
+    r"|arrieregauche)",
+    "rr": r"(?:rr|hr|rrh|rearright|rightrear|reright|hintenrechts|hintenre|traseraderecha"
+    r"|arrieredroite?)",
 }
 
 
@@ -57,26 +61,29 @@ NAMES: dict[str, tuple[str, ...]] = {
             f"(?!lrw){corner}{_WHEEL}{_TURN}",  # LRW: the angle of the steering wheel
             f"(?:v|vrad|n|nrad|abs|spd|speed){corner}",
             f"{corner}(?:spd|speed|radgeschw\\w*)",
+            f"(?:vitesse|velocidad)(?:de)?(?:la)?{_WHEEL}{corner}",
         )
         for wheel, corner in CORNERS.items()
     },
     "speed.v": (
-        rf"{_SPEED}(?:x|2d|fwd|forward|horizontal|overground|kph|signal)?",
+        rf"{_SPEED}(?:x|2d|fwd|forward|horizontal|overground|uebergrund|ausol|kph|signal)?",
         rf"(?:ground|gnd|road|fzg|fahrzeug|fahrt|drive|corr|corrected|horizontal|xmission|tacho|fahr"
         rf"|indicated|longitudinal|forward|2d|wheelbasedvehicle|wheelbased|disp|avg){_SPEED}",
         r"vfzg(?:hl|hr|vl|vr|h|v)?",
-        r"vveh|vehv|vlong|vlon|vehvv|vactl\w*|velocidadvehiculo|vitessevehicule|velocita(?:del)?veicolo|velocidade(?:do)?veiculo|speedovergrnd|sog|gspeed",
+        r"vveh|vehv|vlong|vlon|vehvv|vactl\w*|velocidad(?:del)?vehiculo|vitesse(?:du)?vehicule|velocita(?:del)?veicolo|velocidade(?:do)?veiculo|speedovergrnd|sog|gspeed",
     ),
     "gnss.climb": (
         r"(?:vert|vertical|v|climb|up|steig|vertikal)(?:vel|velocity|speed|spd|geschw\w*)",
-        r"climb(?:rate)?|velup|vup|vertvelocity|steigrate",
+        r"climb(?:rate)?|velup|vup|vertvelocity|steigrate|(?:vitesse|velocidad|velocita)vertical\w*",
     ),
-    "gnss.latitude": (r"lat|latitude|breite|breitengrad|geogrbreite|geobreite|latitud|latdeg",),
+    "gnss.latitude": (
+        r"lat|latitude|breite|breitengrad|geo(?:gr\w*)?breite(?:ngrad)?|latitud|latdeg",
+    ),
     "gnss.longitude": (
-        r"lon|long|lng|longitude|laenge|laengengrad|langengrad|lange|geogrlaenge|longitud",
+        r"lon|long|lng|longitude|laenge|laengengrad|langengrad|lange|geo(?:gr\w*)?laenge(?:ngrad)?|longitud",
     ),
     "gnss.altitude": (
-        r"alt|altitude|height|elevation|elev|hoehe|hohe|altura|altitud|quota|hmsl|altmsl|heightmsl"
+        r"alt|altitude|height|elevation|elev|h(?:oe|o)he(?:ueber(?:nh?n|meer\w*|null\w*))?|altura|altitud|quota|hmsl|altmsl|heightmsl"
         r"|msl|mslaltitude|altitudemsl|ellipsoidheight|h(?:gps|gnss)|(?:gps|gnss)h",
     ),
     "gnss.course": (
