@@ -69,10 +69,7 @@ class ByteSource:
         if not stat.S_ISREG(status.st_mode):
             os.close(handle)
             if stat.S_ISDIR(status.st_mode):
-                raise LogReadError(
-                    f"{path}: is a folder; make a log of a bag, or of what lies in it, with "
-                    f"`roadlog ingest`"
-                )
+                raise LogReadError(f"{path}: is a folder")
             raise LogReadError(f"{path}: cannot be read: it is no plain file")
         self._file = os.fdopen(handle, "rb")
         self._path, self.state, self.size = path, FileState.of(status), status.st_size

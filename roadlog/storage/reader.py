@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -56,6 +57,7 @@ class LogReader:
         self.path = Path(path)
         self.strict = strict
         self.losses: list[str] = []
+        _check(self.path)
         self.source = journal.recover(self.path.resolve(), only_look=not recover)
         try:
             head = self.source.read(0, min(len(MAGIC), self.source.size))
@@ -257,6 +259,24 @@ def ahead(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
                 yield waiting.pop(0).result()
         for future in waiting:
             yield future.result()
+
+
+def _check(path: Path) -> None:
+    """Raise LogReadError for what is no file, with what to do instead."""
+    if path.is_dir():
+        if any(path.glob("*.mcap")) and not (path / "metadata.yaml").exists():
+            what = f"give its logs one by one, as {path}/*.mcap, or all of it to `roadlog report`"
+        else:
+            what = "make a log of a bag, or of what lies in it, with `roadlog ingest`"
+        raise LogReadError(f"{path}: is a folder; {what}")
+    if path.exists() or path.is_symlink():
+        return
+    if glob.has_magic(str(path)):
+        hint = "The shell resolves a pattern outside quotes; `roadlog report` takes one in quotes."
+    else:
+        there = path.parent.iterdir() if path.parent.is_dir() else ()
+        hint = near(path.name, [sibling.name for sibling in there])
+    raise LogReadError(f"{path}: no such file. {hint}")
 
 
 def _no_mcap(path: Path, head: bytes) -> str:

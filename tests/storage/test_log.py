@@ -136,3 +136,17 @@ def test_failed_write_leaves_the_old_file_and_no_rubbish(tmp_path: Path) -> None
         write_log(path, [wrong], {})
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_is_no_file_is_told_what_to_do(tmp_path: Path) -> None:
+    folder = tmp_path / "road drives"
+    folder.mkdir()
+    with pytest.raises(LogReadError, match="is a folder; make a log of a bag"):
+        LogReader(folder)
+    write_log(folder / "monday.mcap", [], {})
+    with pytest.raises(LogReadError, match=r"give its logs one by one, as .*/\*\.mcap, or all of"):
+        LogReader(folder)
+    with pytest.raises(LogReadError, match=r"no such file\. Close: monday\.mcap\.$"):
+        LogReader(folder / "mondy.mcap")
+    with pytest.raises(LogReadError, match="`roadlog report` takes one in quotes"):
+        LogReader(folder / "*.mcap")
