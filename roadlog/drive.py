@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import ItemsView, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from roadlog import stamps
 from roadlog.columnar import Columnar, fixed
@@ -68,6 +69,7 @@ class Resampled(Mapping[str, Floats]):
             if signal.field in samples.columns
         }
         self._kept: dict[str, Floats] = {}
+        self._last_age: tuple[Floats, Age] | None = None
 
     def __getitem__(self, role: str) -> Floats:
         values = self.passing(role)
@@ -85,7 +87,16 @@ class Resampled(Mapping[str, Floats]):
         if kept is not None:
             return kept
         samples, signal = self._sources[role]
-        return fixed(resample(samples.time, samples.columns[signal.field], self._time, signal))
+        values = samples.columns[signal.field]
+        age = self._age_of(samples.time) if np.isfinite(values).all() else None
+        return fixed(resample(samples.time, values, self._time, signal, age))
+
+    def _age_of(self, own: Floats) -> Age:
+        """Found once for the signals of a channel that are asked for one after the other."""
+        last = self._last_age
+        if last is None or last[0] is not own:
+            self._last_age = last = (own, Age.of(own, self._time))
+        return last[1]
 
     def items(self) -> ItemsView[str, Floats]:
         """Roles and signals, one after the other."""
@@ -276,25 +287,40 @@ def without_strays(tables: Mapping[str, Table]) -> tuple[dict[str, Table], dict[
     return result, said
 
 
-def resample(own: Floats, values: Floats, time: Floats, signal: Signal) -> Floats:
+class Age(NamedTuple):
+    """newest (n,): the last sample up to each time, -1 before the first; fresh (n,): not stale."""
+
+    newest: NDArray[np.int64]
+    fresh: Bools
+
+    @classmethod
+    def of(cls, own: Floats, time: Floats) -> Age:
+        """Of samples at `own`, seen from `time`."""
+        # stamps and grid are rounded to ns: a sample on a grid point belongs to it
+        newest = np.searchsorted(own, time + 1e-9, side="right") - 1
+        fresh = newest >= 0
+        fresh[fresh] = time[fresh] - own[newest[fresh]] <= stale_limit(own)
+        return cls(newest, fresh)
+
+
+def resample(
+    own: Floats, values: Floats, time: Floats, signal: Signal, age: Age | None = None
+) -> Floats:
     """Values at `time`: interpolated or held as the signal's kind says, NaN where stale.
 
     NaN samples count as absent. Between two samples further apart than the stale limit the
     result is NaN once the older one is stale. No extrapolation at the ends, except that the last
-    sample holds until it is stale.
+    sample holds until it is stale. age: of the samples, where none is NaN and it is known.
     """
-    known = np.isfinite(values)
-    own, values = own[known], values[known]
+    if age is None:
+        known = np.isfinite(values)
+        own, values = own[known], values[known]
     result = np.full(len(time), np.nan)
     if not len(own):
         return result
     if signal.kind == "angle":
         values = np.unwrap(values)
-    stale = stale_limit(own)
-    # stamps and grid are rounded to ns: a sample on a grid point belongs to it
-    newest = np.searchsorted(own, time + 1e-9, side="right") - 1
-    fresh = newest >= 0
-    fresh[fresh] = time[fresh] - own[newest[fresh]] <= stale
+    newest, fresh = age or Age.of(own, time)
     if signal.kind == "hold":
         result[fresh] = values[newest[fresh]]
     else:

@@ -68,7 +68,7 @@ class Estimate(Columnar):
     flags: Flags = None  # type: ignore[assignment]  # is filled in
     details: Mapping[str, Detail] = field(default_factory=dict)
     notes: Sequence[str] = ()
-    innovations: Mapping[str, Floats] = field(default_factory=dict)
+    innovations: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
     name: str = ""
     parameters: Mapping[str, Any] = field(default_factory=dict)
     run_time: float = 0.0  # s

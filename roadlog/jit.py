@@ -44,7 +44,7 @@ class Kernel:
         self.options = options
 
     def __call__(self, *arguments: Any) -> Any:
-        return self.dispatcher(*arguments)
+        return (self.py_func if _by.python else self.dispatcher)(*arguments)
 
     @cached_property
     def dispatcher(self) -> Any:
@@ -109,6 +109,25 @@ def overload(stand_in: Callable) -> Callable[[Callable], Callable]:
         return template
 
     return register
+
+
+class _By(threading.local):
+    """Who runs the kernels that this thread calls."""
+
+    python = False
+
+
+_by = _By()
+
+
+@contextmanager
+def interpreted() -> Iterator[None]:
+    """Run kernels as plain Python: formulas on arrays of a whole drive gain nothing compiled."""
+    _by.python = True
+    try:
+        yield
+    finally:
+        _by.python = False
 
 
 class Watching(threading.local):

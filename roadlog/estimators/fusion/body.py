@@ -3,8 +3,8 @@
 Balance of moments: J angle'' = K f - angle - c angle', where angle'' is the acceleration against
 the horizontal, which the gyro knows. The first two terms behind the lag c are `Steps.sway`; so
 body motion that the road excites is separated from the road itself. What the sensor's bias and
-mounting make of gravity is no force on the springs. Every function takes x (29,), s (6,), or arrays
-of them with the states first, (29, n) and (6, n).
+mounting make of gravity is no force on the springs. Every function takes x (29,), s (6,), or,
+`interpreted`, arrays of a whole drive under each state of x and each row of s.
 Source: docs/methods/fusion.md#body-angles.
 """
 

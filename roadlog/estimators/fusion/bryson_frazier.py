@@ -8,6 +8,7 @@ checkpoints. Python goes from piece to piece, so that Ctrl-C is heard between tw
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +45,7 @@ from roadlog.estimators.fusion.steps import Steps, table
 from roadlog.jit import compiled
 from roadlog.types import Floats, Record, Records
 
+TABLE = 4096  # steps whose records are made at once (1.5 MB); whole pieces
 PIECE = 128  # steps between two checkpoints; covariances of one piece (1 MB) stay in the cache
 
 
@@ -193,10 +195,19 @@ class _Filter:
         self.P[:, :N] = P0
         self.piece = Piece.empty()
         self.innovations = np.full((len(steps.speed), ROWS), np.nan)
+        self.first, self.table = 0, table(steps, 0, 0, self.every)
+
+    def records(self, piece: slice) -> Records:
+        """Of the step before a piece, and of its own."""
+        first = piece.start // TABLE * TABLE
+        if first != self.first or len(self.table) == 1:
+            last = min(first + TABLE, len(self.steps.speed))
+            self.first, self.table = first, table(self.steps, first, last, self.every)
+        return self.table[piece.start - first : piece.stop - first + 1]
 
     def forward(self, piece: slice) -> Records:
         """Filter these steps; their records, the step before them first."""
-        records = table(self.steps, piece.start, piece.stop, self.every)
+        records = self.records(piece)
         _forward(
             piece.start,
             records,
@@ -232,7 +243,7 @@ def filtered(steps: Steps, noise: Noise, P0: Floats) -> tuple[Floats, Floats]:
 
 
 def bryson_frazier(
-    steps: Steps, noise: Noise, P0: Floats, at: Floats, look_ahead: bool
+    steps: Steps, noise: Noise, P0: Floats, at: Floats, look_ahead: bool, states: Sequence[int]
 ) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
     """The fields of `Smoothed`: forward, then back piece by piece from l = L = 0."""
     n, run, checkpoints = len(steps.speed), _Filter(steps, noise, P0, at), []
@@ -240,7 +251,7 @@ def bryson_frazier(
         checkpoints.append((piece, run.x.copy(), run.P.copy()))
         run.forward(piece)
     x_end, P_end = run.x.copy(), run.P[:, :N].copy()
-    xs = np.full((n, N), np.nan)
+    smoothed, xs = np.empty((PIECE, N)), np.full((n, len(states)), np.nan)
     variance, shape = np.full((n, 6), np.nan), np.full((n, 2), np.nan)
     adjoint, L = np.zeros(N), np.zeros((N, WIDTH))
     for piece, x, P in reversed(checkpoints):
@@ -253,8 +264,10 @@ def bryson_frazier(
             look_ahead,
             adjoint,
             L,
-            xs[piece],
+            smoothed,
             variance[piece],
             shape[piece],
         )
+        alive = steps.alive[piece]
+        xs[piece][alive] = smoothed[: len(alive)][np.ix_(alive, states)]
     return xs, variance, shape, x_end, P_end, run.innovations

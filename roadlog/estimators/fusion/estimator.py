@@ -11,6 +11,7 @@ Source: docs/methods/fusion.md.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from roadlog.car.suspension import LINEAR_TIRES
 from roadlog.car.vehicle import Vehicle
@@ -72,7 +73,7 @@ def estimate(solution: Solution, time: Floats) -> Estimate:
     )
 
 
-def _innovations(solution: Solution, time: Floats) -> dict[str, Floats]:
+def _innovations(solution: Solution, time: Floats) -> dict[str, NDArray[np.float32]]:
     """Row -> residual over its predicted sd at the sample nearest to its step, NaN elsewhere."""
     at = np.clip(np.searchsorted(time, solution.time - 0.5 * (time[1] - time[0])), 0, len(time) - 1)
     found = {}
@@ -80,8 +81,9 @@ def _innovations(solution: Solution, time: Floats) -> dict[str, Floats]:
         values = solution.innovations[:, kind]
         used = np.isfinite(values)
         if used.any():
-            found[kind.name.lower()] = np.full(len(time), np.nan)
-            found[kind.name.lower()][at[used]] = values[used]
+            placed = np.full(len(time), np.nan, np.float32)  # in sd: seven digits are plenty
+            placed[at[used]] = values[used]
+            found[kind.name.lower()] = placed
     return found
 
 

@@ -5,11 +5,11 @@ Source: docs/methods/fusion.md#gnss-rows, docs/methods/fusion.md#loop-closure.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roadlog.drive import Drive, Samples
 from roadlog.estimators.fusion.speed import SpeedSource, known_samples
@@ -118,8 +118,8 @@ def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: 
     kept = 0
     for j, close in _neighbors(tree, place):
         k = at_step[j]
-        near = close[slice(*np.searchsorted(close, (kept, earlier[j])))]
-        if not len(near) or k >= len(time) or not alive[k]:
+        near = close[bisect_left(close, kept) : bisect_left(close, earlier[j])]
+        if not near or k >= len(time) or not alive[k]:
             continue
         first = at_step[near]
         is_again = (
@@ -135,7 +135,7 @@ def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: 
     return clone
 
 
-def _neighbors(tree: cKDTree, place: Floats) -> Iterator[tuple[int, NDArray[np.int64]]]:
+def _neighbors(tree: cKDTree, place: Floats) -> Iterator[tuple[int, list[int]]]:
     """Each place and those around it, in their order.
 
     In blocks, as a car that stands has thousands around it.
@@ -143,7 +143,7 @@ def _neighbors(tree: cKDTree, place: Floats) -> Iterator[tuple[int, NDArray[np.i
     for start in range(0, len(place), NEIGHBORS_AT_ONCE):
         block = place[start : start + NEIGHBORS_AT_ONCE]
         around = tree.query_ball_point(block, REVISIT_RADIUS, return_sorted=True)
-        yield from enumerate((np.array(close, np.int64) for close in around), start)
+        yield from enumerate(around, start)
 
 
 def _place(

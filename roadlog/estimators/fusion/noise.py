@@ -14,6 +14,7 @@ from roadlog.drive import runs
 from roadlog.estimators.fusion.inputs import Inputs
 from roadlog.estimators.fusion.states import ROWS
 from roadlog.estimators.fusion.steps import STEP_RATE, Steps
+from roadlog.filters.spectrum import welch
 from roadlog.motion.imu_noise import ImuNoise
 from roadlog.types import Floats, Record
 from roadlog.units import DEG
@@ -35,6 +36,7 @@ CONSUMER_ALTIMETER, CONSUMER_ALTIMETER_TIME = 2.0, 120.0  # m, s: of a slow one
 BAROMETER, BAROMETER_TIME = 1.0, 120.0  # m, s: weather and gusts at the port
 # m/s; slower, bumps as long as the car rock it below the frequencies in which vibration is measured
 SHAKING_SPEED = 10.0
+SEGMENT = 10.0  # s, whose spectra are compared
 SLOWEST = 1.0  # m/s; slower still, they rock it no more
 # Rows.
 ROAD_BAND = 1.5  # Hz, what changes faster is the body on its springs, not the road
@@ -183,18 +185,11 @@ def vibration(steps: Steps) -> float:
 
     Median over time as well: curbs and hairpins are not the road.
     """
-    from scipy.signal import welch
-
     levels, weights = [], []
     for run in runs(steps.alive):
         size = run.stop - run.start
-        frequency, psd = welch(
-            steps.force_at[run, 2],
-            STEP_RATE,
-            nperseg=min(size, round(10 * STEP_RATE)),
-            detrend="linear",
-            average="median",
-        )
+        segment = min(size, round(SEGMENT * STEP_RATE))
+        frequency, psd = welch(steps.force_at[run, 2], STEP_RATE, segment)
         band = (frequency >= 0.3) & (frequency <= 2.0)
         if band.any():
             levels.append(np.median(psd[band]))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
@@ -41,7 +43,7 @@ def transition(A: Floats, noise: Record, clone: bool = False) -> Floats:
 
 
 def rauch_tung_striebel(
-    steps: Steps, noise: Noise, P0: Floats, at: Floats, look_ahead: bool
+    steps: Steps, noise: Noise, P0: Floats, at: Floats, look_ahead: bool, states: Sequence[int]
 ) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
     """The fields of `Smoothed`; the arguments are those of the compiled engine."""
 
@@ -98,4 +100,4 @@ def rauch_tung_striebel(
             rows = np.empty((OUTPUTS, N))
             output_rows(steps.sway[k], of_drive, rows)
             given_variances(rows @ P @ rows.T, variance[k], shape[k])
-    return xs, variance, shape, *filtered[-1], innovations
+    return xs[:, states], variance, shape, *filtered[-1], innovations

@@ -32,6 +32,7 @@ from roadlog.estimators.fusion.states import (
 from roadlog.estimators.fusion.steps import HEIGHTS, STEP_RATE, beginning, grid, has
 from roadlog.filters import Engine
 from roadlog.filters.lowpass import gaussian
+from roadlog.jit import interpreted
 from roadlog.types import Bools, Floats
 from roadlog.units import STANDARD_GRAVITY as G
 
@@ -44,6 +45,19 @@ SHIFTED = {  # output -> column of the offset in it
 OFFSET_PARTS = (  # of grade and bank: constants, and rad of offset in one unit of each
     ((State.ACCEL_BIAS_X, 1 / G), (State.MOUNTING_PITCH, 1.0)),
     ((State.ACCEL_BIAS_Y, 1 / G), (State.MOUNTING_ROLL, 1.0)),
+)
+ANGLE_STATES = (  # what the angles are made of
+    State.THETA,
+    State.PHI,
+    State.MOUNTING_PITCH,
+    State.MOUNTING_ROLL,
+    State.ACCEL_BIAS_X,
+    State.ACCEL_BIAS_Y,
+    State.PITCH_GRADIENT,
+    State.PITCH_GRADIENT_SIDE,
+    State.ROLL_GRADIENT,
+    State.BODY_PITCH,
+    State.BODY_ROLL,
 )
 UNITS = "its states end as no number: check units, axes and clocks (`roadlog info`)"
 # rad, of an offset that the road alone tells: of a mounting that nobody stated, and of a stated one
@@ -79,7 +93,7 @@ def solved(fit: Fit, engine: Engine) -> Solution:
     look_ahead, at = fit.inputs.params.smooth, OWN_STATES
     if look_ahead:
         at = smooth(beginning(fit.steps), fit.noise, fit.P0, engine=engine).x
-    smoothed = smooth(fit.steps, fit.noise, fit.P0, at, engine, look_ahead)
+    smoothed = smooth(fit.steps, fit.noise, fit.P0, at, engine, look_ahead, ANGLE_STATES)
     if not np.isfinite(smoothed.x_end).all():
         raise EstimatorError("fusion cannot run: IMU and speed do not fit one car; " + UNITS)
     consistency = Consistency.of(fit, smoothed.x_end)
@@ -105,7 +119,7 @@ def _angles(fit: Fit, smoothed: Smoothed, shares: Floats) -> dict[str, Floats]:
     road does faster than ROAD_BAND the body's own bounce is the larger part; it counts as body.
     shares (2,): of the offsets found of grade and bank, what is believed.
     """
-    x, s = smoothed.x.T, fit.steps.sway.T
+    x, s = dict(zip(ANGLE_STATES, smoothed.x.T, strict=True)), fit.steps.sway.T
     begin = fit.steps.starts[0]
     back = [
         (1 - share) * sum((x[state] - begin[state]) * per for state, per in parts)
@@ -113,7 +127,8 @@ def _angles(fit: Fit, smoothed: Smoothed, shares: Floats) -> dict[str, Floats]:
     ]
     inclination = x[State.THETA] - x[State.MOUNTING_PITCH] + back[0]
     roll_total = x[State.PHI] - x[State.MOUNTING_ROLL] + back[1]
-    grade, bank = inclination - body_pitch(x, s), roll_total - body_roll(x, s)
+    with interpreted():
+        grade, bank = inclination - body_pitch(x, s), roll_total - body_roll(x, s)
     if fit.inputs.params.smooth:
         grade, bank = _slow(grade, fit.steps.alive), _slow(bank, fit.steps.alive)
     mounted = fit.inputs.mounting.turn(smoothed.x_end[MOUNTING])[1]
