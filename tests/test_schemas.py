@@ -20,10 +20,13 @@ def test_shipped_descriptors_equal_the_proto_files(tmp_path: Path) -> None:
     finally:
         sys.path.pop(0)
     fresh = compile_schemas(tmp_path / "fresh.binpb").read_bytes()
-    assert (
-        schemas.shipped().SerializeToString()
-        == schemas.shipped().FromString(fresh).SerializeToString()
-    ), "stale roadlog/schemas.binpb: run `make schemas`"
+    shipped = schemas.shipped()
+    # the compiler brings google/protobuf/*.proto with comments of its own version
+    ours, compiled = (
+        {file.name: file for file in files.file if not file.name.startswith("google/")}
+        for files in (shipped, shipped.FromString(fresh))
+    )
+    assert ours == compiled, "stale roadlog/schemas.binpb: run `make schemas`"
 
 
 @pytest.mark.parametrize("section", SECTIONS.values(), ids=SECTIONS)
