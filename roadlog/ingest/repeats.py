@@ -1,17 +1,19 @@
 """Rows that share a stamp: coarse clocks are spread evenly, all else that is dropped is said.
 
 A row of a signal is its stamp; of several rows with one stamp only the last can count. Copies are
-no loss; other values are.
+no loss; other values are. Where the clock of a table begins again, what comes after goes on behind.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from roadlog.ingest.formats.clock_steps import continued
 from roadlog.ingest.formats.row_clock import spread
 from roadlog.ingest.frame import Frame
 from roadlog.spool import blocks, release
@@ -21,14 +23,20 @@ from roadlog.types import Stamps
 def apart(frames: Iterable[Frame]) -> tuple[list[Frame], list[str], list[str]]:
     """Frames with coarse stamps spread, sentences on these, and on rows of which one counts."""
     found, notes, losses = [], [], []
+    frames = list(frames)
+    tables = Counter(frame.file for frame in frames)
     for frame in frames:
         label = f"{frame.file}: {frame.name}" if frame.name else frame.file
         rows = _repeated(frame.time)
         lost = _differing(frame, *rows)
         if lost:
-            time, said = spread(frame.time, label)
+            time, begun = frame.time, list[str]()
+            if tables[frame.file] == 1:  # several would not stay beside each other
+                time, _, begun = continued(time, 1, anew=True)
+            time, said = spread(time, label)
             notes += said
-            if said:
+            losses += [f"{label}: {text}" for text in begun]
+            if begun or said:
                 frame = replace(frame, time=time)
             else:
                 losses.append(

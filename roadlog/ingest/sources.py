@@ -122,7 +122,7 @@ def ingest(
         lacking += absent
         over += mapping.left_over(frames, located)
         doubts += coarse + mapping.contradicted(located)
-        losses += same + mapping.without_minutes(located)
+        losses += same + _backward(frames) + mapping.without_minutes(located)
         for members in _clock_groups(own, frames):
             here = [place for place in located if any(place.frame is f for f in members)]
             signals, kinds = mapping.signals(chosen, here)
@@ -134,7 +134,6 @@ def ingest(
     if truth_from is not None:
         tables, mapped, told = _referenced(truth_from, tables, mapped)
         said += told
-    losses += [loss for recording in recordings for loss in _backward(recording)]
     metadata = _records(profiles, clock, paths)
     inertial = any(m.role.startswith("imu.") for m in mapped)
     notes = [] if given else [_by_itself(source, inertial) for source in opened]
@@ -273,11 +272,11 @@ def _files(frames: Sequence[Frame]) -> list[str]:
     return list(dict.fromkeys(name for frame in frames for name in frame.file.split(", ")))
 
 
-def _backward(recording: Recording) -> list[str]:
+def _backward(frames: Sequence[Frame]) -> list[str]:
     """A sentence for each frame whose clock steps back; its rows are put in order."""
     return [
         f"{frame.file}: {frame.name or 'the time column'} runs backward {steps} times; put in order"
-        for frame in recording.frames
+        for frame in frames
         if (steps := _steps_back(frame.time))
     ]
 

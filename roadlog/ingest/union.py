@@ -89,7 +89,8 @@ def united(values: Mapping[str, tuple[Stamps, Floats]]) -> tuple[Stamps, dict[st
     columns = {}
     for name, (time, column) in values.items():
         column_union = np.full(row[-1] + 1 if len(row) else 0, np.nan)
-        order = np.argsort(time, kind="stable")
+        known = np.flatnonzero(np.isfinite(column))  # no value does not undo one of its stamp
+        order = known[np.argsort(time[known], kind="stable")]
         column_union[row[np.searchsorted(union, time[order])]] = column[order]
         columns[name] = column_union
     starts = np.flatnonzero(np.diff(row, prepend=-1))

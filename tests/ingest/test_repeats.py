@@ -75,3 +75,31 @@ def test_copies_of_a_row_are_no_loss(tmp_path):
     result = ingest([path], PROFILE)
     assert len(result.tables[0]) == COUNT
     assert not result.losses
+
+
+@pytest.mark.parametrize("times", [2, 3])
+@pytest.mark.parametrize("header", ["time,v\n", ""])
+def test_a_logger_that_began_again_from_zero_goes_on_behind(tmp_path, times, header):
+    path = tmp_path / "drive.csv"
+    parts = [
+        "".join(f"{t:.2f},{v + k:.2f}\n" for t, v in zip(T, V, strict=True)) for k in range(times)
+    ]
+    path.write_text("time,v\n" + header.join(parts))
+    result = ingest([path], PROFILE)
+    (table,) = result.tables
+    np.testing.assert_allclose(table.time * 1e-9, np.arange(times * COUNT) / 100, atol=1e-6)
+    np.testing.assert_allclose(table.columns["v"], np.concatenate([V + k for k in range(times)]))
+    (loss,) = result.losses
+    assert "the rows after go on behind those before" in loss
+
+
+def test_tables_of_several_sensors_in_one_file_stay_beside_each_other(tmp_path):
+    path = tmp_path / "drive.csv"
+    first = "".join(f"{t:.2f},{v:.2f},\n" for t, v in zip(T, V, strict=True))
+    path.write_text("time,v,w\n" + first + "".join(f"{t:.2f},,{k}\n" for k, t in enumerate(T)))
+    profile = (
+        '[speed]\nv = { from = "v", unit = "m/s" }\n[imu]\naccel_x = { from = "w", unit = "g" }'
+    )
+    result = ingest([path], Profile.from_toml(profile, "p"))
+    for table in result.tables:
+        np.testing.assert_allclose(table.time * 1e-9, T, atol=1e-6)

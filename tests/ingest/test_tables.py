@@ -47,7 +47,7 @@ LABVIEW = (
 )
 ETAS = "ETASAsciiItemFile\trecord\ntime\tvVeh\\ESP:1\tl\ntype\tf8\tf8\ns\tkm/h\tm\n"
 KINDS = ("labview", "etas", "motec", "aim", "dewesoft", "canape", "diadem", "commented", "blanks")
-KINDS += ("units", "comment", "trailing", "sep")
+KINDS += ("units", "comment", "trailing", "trailing two", "trailing three", "sep")
 COMMENTED = "# logger 3, firmware 1.2\n# time speed level\n"
 
 
@@ -76,6 +76,8 @@ def rows(form: str = "{t},{v},{w}", comma: bool = False, between: str = "") -> s
         ("Time,Speed,Accel\ns,km/h,m/s2\n" + rows(), "Speed", "km/h"),
         ("time,speed,level\n" + rows(between="# lap 2"), "speed", ""),
         ("time,speed,level\n" + rows("{t},{v},{w},"), "speed", ""),
+        ("time,speed,level,,\n" + rows("{t},{v},{w},,"), "speed", ""),
+        ("Time;Speed;Level;;;\ns;km/h;m;;;\n" + rows("{t};{v};{w};;;"), "Speed", "km/h"),
         ("sep=;\ntime;speed;level\n" + rows("{t};{v};{w}"), "speed", ""),
     ],
     ids=[*KINDS],

@@ -22,10 +22,10 @@ LOOKED = 100_000  # rows that tell the usual step
 STRAYS = 3  # rows after which a stamp that strays is back
 
 
-def continued(time: Stamps, tick: int) -> tuple[Stamps, list[str], list[str]]:
+def continued(time: Stamps, tick: int, anew: bool = False) -> tuple[Stamps, list[str], list[str]]:
     """Stamps that go on over steps back, a sentence on counters, and one on clocks that were set.
 
-    tick: ns of one count.
+    tick: ns of one count. anew: no counter, but a logger that began again, maybe from zero.
     """
     back = _steps_back(time)
     steps = np.diff(time[:LOOKED])
@@ -33,12 +33,12 @@ def continued(time: Stamps, tick: int) -> tuple[Stamps, list[str], list[str]]:
     if not len(back) or len(back) > FEW * len(time) + 1 or not usual:
         return time, [], []
     sizes = time[back] - time[back - 1]
-    for period in (*(tick << bits for bits in COUNTERS), *PERIODS):
+    for period in () if anew else (*(tick << bits for bits in COUNTERS), *PERIODS):
         off = np.abs(sizes + period - usual)
         if (off <= np.maximum(STEPS * usual, NEAR * period)).all() and _within(time, period):
             said = f"its time counts to {period * 1e-9:.6g} s and begins anew: put in one line"
             return _moved(time, back, np.full(len(back), period)), [said], []
-    was_set = [k for k, row in enumerate(back) if _was_set(time, int(row), int(sizes[k]))]
+    was_set = [k for k, row in enumerate(back) if _was_set(time, int(row), int(sizes[k]), anew)]
     if not was_set:
         return time, [], []
     rows = back[was_set]
@@ -70,14 +70,14 @@ def _within(time: Stamps, period: int) -> bool:
     )
 
 
-def _was_set(time: Stamps, row: int, size: int) -> bool:
+def _was_set(time: Stamps, row: int, size: int, anew: bool) -> bool:
     """Whether a clock goes on from within what was written, and not a single stamp strays."""
     if -size < SET:
         return False
     before, after = time[max(0, row - STRAYS) : row], time[row : row + STRAYS]
     if len(after) < STRAYS or (after >= before[-1]).any() or (before <= after[0]).any():
         return False  # a stamp that strays, or the row before it did
-    return bool(time[row] > time[0])
+    return anew or bool(time[row] > time[0])
 
 
 def _moved(time: Stamps, rows: Stamps, amounts: Floats | Stamps) -> Stamps:

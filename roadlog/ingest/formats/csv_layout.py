@@ -86,6 +86,9 @@ def layout(path: Path) -> TextLayout:
     starts = np.cumsum([0, *(size for _, size in lines)])
     above = tuple(line for line, _ in lines[:first])
     names, units, headless = _header(above, delimiter, width)
+    behind = (fields_of(line, delimiter)[len(names) :] for line, _ in lines[first:])
+    if len(names) < width - 1 and not any(map(any, behind)):  # spreadsheets delimit blank columns
+        names += [f"column {k + 1}" for k in range(len(names), width)]
     return TextLayout(encoding, delimiter, names, units, int(starts[first]), headless, above)
 
 
