@@ -17,7 +17,8 @@ from roadlog.drive import Drive
 from roadlog.geo import TransverseMercator
 from roadlog.reproduce import Claim, ResultTable, over, over_seeds, rms
 from roadlog.roads.merge import roads
-from roadlog.roads.passes import STEP, Pass
+from roadlog.roads.passes import Pass
+from roadlog.roads.way import STEP
 from roadlog.signals import TRUTH_TOPIC, truth_topic
 from roadlog.simulate import simulate
 from roadlog.simulate.motion import HOME

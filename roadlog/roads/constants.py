@@ -10,11 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from roadlog.roads.passes import STEP
+from roadlog.roads.way import STEP
 from roadlog.types import Bools, Floats
 
 SHARED_SHAPE = 0.3  # of the shape's variance, that drives of one car share: its springs, the band
 LEAST_OWN = 0.2  # of an offset's sd: what two drives of one car at least do not share
+LEAST_BIRGE = 0.5  # of what is stated, however well passes agree
 CORRELATION = 50.0  # m, over which an estimate's errors along the road are one
 CROWN_SD = np.radians(1.4)  # rad; crowns of 2.5 % are built
 
@@ -123,7 +124,7 @@ def solved(
     road = np.where(total > 0, level - constants @ mean, np.nan)
     residual = value - road - rows.times(constants)
     birge = _birge(residual, weight, known, len(prior))
-    shape = birge**2 * _shape_common(angle.sd, weight, car) * SHARED_SHAPE
+    shape = max(1.0, birge) ** 2 * _shape_common(angle.sd, weight, car) * SHARED_SHAPE
     white = birge**2 * (1 - SHARED_SHAPE) / safe
     whole = (mean * (covariance @ mean)).sum(axis=0)
     variance = white + shape + whole
@@ -190,10 +191,10 @@ def _scatter(
 
 
 def _birge(residual: Floats, weight: Floats, known: Bools, constants: int) -> float:
-    """sqrt(chi2 / degrees of freedom) where that is above 1 (Birge 1932)."""
+    """sqrt(chi2 / degrees of freedom), of what passes do not share (Birge 1932); 1 for few."""
     count = known.sum(axis=0)
     freedom = float(np.maximum(count - 1, 0).sum())
     if freedom <= 10 * constants:
         return 1.0
     chi2 = float((weight * np.where(known, residual, 0.0) ** 2).sum())
-    return float(np.sqrt(max(1.0, chi2 / freedom)))
+    return float(np.sqrt(max(LEAST_BIRGE**2, chi2 / freedom)))

@@ -14,23 +14,27 @@ from numpy.typing import NDArray
 from roadlog.geo import TransverseMercator
 from roadlog.roads.constants import Merged, Slope, solved
 from roadlog.roads.model import RoadModel, road_axes, road_of
-from roadlog.roads.passes import STEP, Pass
+from roadlog.roads.passes import Pass
 from roadlog.roads.stretches import Stretch, Traverse, stretches
+from roadlog.roads.way import STEP
 from roadlog.types import Bools, Floats
 
 ROUNDS = 3  # of projecting the passes on the line and moving it into their middle
 REACH = 25.0  # m from the line that a pass of the stretch may lie
 STRAY, STRAY_SHARE = 20.0, 0.03  # m and of a run's length, that its stations may be off the way
 TAPER = 100.0  # m at a run's ends over which it gains weight, so that the line does not jump
-LINE_BAND = 15.0  # m, wavelength that the smoothing halves; 30 would turn bends by 1 deg rms
-OFFSET_BAND = 10.0  # m, sd of the Gaussian over the passes' mean offset
+LINE_BAND = 10.0  # m, wavelength that the smoothing halves; 30 would turn bends by 1 deg rms
+GRADE_BAND = (
+    20.0  # m, the same of the grade; vertical curves are longer, errors of the turn are not
+)
+OFFSET_BAND = 5.0  # m, sd of the Gaussian over the passes' mean offset
 APART = 1.5  # m between the directions' middles, beyond which a crown looks like a mounting
 WANDERING = (
     0.2  # of a pass's lateral wandering that is the car's (0.5 m sd) and not the fixes' (1 m)
 )
 ALTITUDE_SD = 2.0  # m, of one receiver's altitude
 ALTITUDE_REACH = 3000.0  # m, over which its error is one: minutes, as of the ionosphere
-PLACE_SD = 0.7  # m, of one pass's place, along and across the road
+PLACE_SD = 0.55  # m, of one pass's place, along and across the road
 SHORTEST = 8  # nodes; a shorter stretch is no road
 
 
@@ -294,7 +298,8 @@ def _heights(
 
     Both lean towards the altitudes by as much as these know the mean slope better.
     """
-    rise = np.nan_to_num(grade.value)
+    tangent = _without_ripple(line.s, grade.value)
+    rise = np.nan_to_num(tangent)
     z = np.concatenate([[0.0], np.cumsum(0.5 * (rise[1:] + rise[:-1]) * np.diff(line.s))])
     altitude = np.array(
         [
@@ -307,14 +312,27 @@ def _heights(
     far, weight = line.s[known], count[known].astype(np.float64)
     span = float(np.ptp(far)) if known.any() else 0.0
     if not span:
-        return grade.value, z, np.full(len(z), np.nan)
+        return tangent, z, np.full(len(z), np.nan)
     off = np.nansum(altitude, axis=0)[known] / weight - z[known]
     middle = float(np.average(far, weights=weight))
     level, lean = np.polynomial.polynomial.polyfit(far - middle, off, 1, w=np.sqrt(weight))
     sd = ALTITUDE_SD / np.sqrt(np.median(weight))
     lean_sd = sd * np.sqrt(12 / max(1.0, span / ALTITUDE_REACH)) / span
     lean *= grade.whole_sd**2 / (grade.whole_sd**2 + lean_sd**2)
-    return grade.value + lean, z + level + lean * (line.s - middle), sd * np.ones(len(z))
+    return tangent + lean, z + level + lean * (line.s - middle), sd * np.ones(len(z))
+
+
+def _without_ripple(s: Floats, slope: Floats) -> Floats:
+    """A slope, NaN where unknown, without the waves that GRADE_BAND halves."""
+    from scipy.interpolate import make_smoothing_spline
+
+    known = np.isfinite(slope)
+    if known.sum() < SHORTEST:
+        return slope
+    spacing = np.ptp(s) / (len(s) - 1)
+    filled = np.interp(s, s[known], slope[known])
+    smooth = make_smoothing_spline(s, filled, lam=(GRADE_BAND / (2 * np.pi)) ** 4 / spacing)(s)
+    return np.where(known, smooth, np.nan)
 
 
 def _notes(

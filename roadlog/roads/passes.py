@@ -12,19 +12,9 @@ from numpy.typing import NDArray
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
-from roadlog.geo import TransverseMercator
+from roadlog.roads.way import STEP, way_of
 from roadlog.types import Floats
-from roadlog.units import STANDARD_GRAVITY as G
 
-STEP = 5.0  # m between points; at 5 m a spline holds a line of 17 m radius within 3 mm
-ANCHOR = 150.0  # m, sd of the Gaussian over which dead reckoning is held to the fixes
-HEADING_ANCHOR = 20.0  # s, sd of the Gaussian over which the gyro is held to the course
-SLOWEST = 1.0  # m/s, below which a course tells nothing
-DELAYS = np.arange(-0.5, 2.51, 0.05)  # s, looked through for the receiver's
-DELAY_BAND = 5.0  # s, sd of the Gaussian whose slow part is left out
-DELAY_FIXES = 60  # fewer tell no delay
-DELAY_MISFIT = 0.5  # of the speed's variance that may be left
-BLIND = 3.0  # s between fixes, beyond which the way in between is not known
 SHAPE_SHARE = 0.5  # of an sd, for changes along the road, where the estimator does not say
 
 
@@ -105,20 +95,18 @@ def pass_of(
         return None
     if "grade" not in estimate.angles or not np.isfinite(estimate.sd.get("grade", np.nan)).any():
         return None
-    fixes = _Fixes.of(drive, receiver_delay(drive, estimate))
-    if fixes is None:
-        return None
     time = _clock(drive, estimate)
     columns = _angles(estimate)
     usable = estimate.valid & np.isfinite(columns["grade"]) & (columns["grade_sd"] > 0)
-    slope = np.interp(drive.time, time[usable], columns["grade"][usable]) if usable.any() else 0.0
-    speed = np.abs(np.nan_to_num(drive.speed)) * np.cos(slope)
-    distance = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))]) * drive.dt
-    course = fixes.course(drive.time)
-    heading = _heading(drive, course, speed)
-    x, y = _way(drive.time, distance, course, fixes)
-    known = usable & fixes.near(time)
-    at = np.interp(time, drive.time, distance)
+    if not usable.any():
+        return None
+    slope = np.interp(drive.time, time[usable], columns["grade"][usable])
+    antenna = (vehicle or Vehicle()).antenna_position or (0.0, 0.0, 0.0)
+    way = way_of(drive, slope, _inclination(drive, estimate), antenna)
+    if way is None:
+        return None
+    known = usable & way.near(time)
+    at = np.interp(time, drive.time, way.distance)
     bins = np.floor(at[known] / STEP).astype(np.int64)
     if len(bins) == 0:
         return None
@@ -131,7 +119,7 @@ def pass_of(
     def over_time(values: Floats) -> Floats:
         return mean(np.interp(time, drive.time, values))
 
-    latitude, longitude = fixes.plane.inverse(over_time(x), over_time(y))
+    latitude, longitude = way.plane.inverse(over_time(way.x), over_time(way.y))
     return Pass(
         name=name,
         car=car_of(vehicle or Vehicle()),
@@ -139,9 +127,9 @@ def pass_of(
         distance=mean(at),
         latitude=latitude,
         longitude=longitude,
-        altitude=mean(np.interp(time, *fixes.heights)) if fixes.heights else _unknown(count),
-        course=over_time(course),
-        heading=over_time(heading),
+        altitude=mean(np.interp(time, *way.altitude)) if way.altitude else _unknown(count),
+        course=over_time(way.course),
+        heading=over_time(way.heading),
         **{key: mean(values) for key, values in columns.items()},
     )
 
@@ -166,156 +154,14 @@ def _angles(estimate: Estimate) -> dict[str, Floats]:
     return columns
 
 
-def receiver_delay(drive: Drive, estimate: Estimate) -> float:
-    """s, by which the receiver lags behind the IMU; 0 where that does not show.
-
-    Speed as the accelerometer tells it, gravity taken off by the estimate's inclination, against
-    the receiver's own speed, both without what changes slower than DELAY_BAND. Not against the
-    wheels: their slip goes with the acceleration and looks like a lead.
-    """
-    from scipy.ndimage import gaussian_filter1d
-
-    inclination = estimate.angles.get("inclination", estimate.angles["grade"])
-    gnss = drive.native["gnss"]
-    speed = gnss.columns.get("speed", np.full(len(gnss.time), np.nan))
-    known = np.isfinite(speed)
-    if "imu.accel_x" not in drive or known.sum() < DELAY_FIXES:
-        return 0.0
-    at, measured = gnss.time[known], speed[known]
-    there = np.isfinite(inclination)
-    tilt = np.interp(drive.time, _clock(drive, estimate)[there], inclination[there])
-    push = np.nan_to_num(drive["imu.accel_x"]) - G * np.sin(tilt)
-    told = np.cumsum(push - push.mean()) * drive.dt
-    grid = np.interp(drive.time, at, measured)
-    sd = DELAY_BAND * drive.rate
-    told, slow = told - gaussian_filter1d(told, sd), gaussian_filter1d(grid, sd)
-    wanted = measured - np.interp(at, drive.time, slow)
-    moving = measured > SLOWEST
-    if moving.sum() < DELAY_FIXES:
-        return 0.0
-    misfit = np.array(
-        [np.mean((wanted - np.interp(at - d, drive.time, told))[moving] ** 2) for d in DELAYS]
-    )
-    best = int(misfit.argmin())
-    if best in (0, len(DELAYS) - 1) or misfit[best] > DELAY_MISFIT * float(np.var(wanted[moving])):
-        return 0.0
-    left, low, right = misfit[best - 1 : best + 2]
-    return float(
-        DELAYS[best] + 0.5 * (DELAYS[1] - DELAYS[0]) * (left - right) / (left - 2 * low + right)
-    )
-
-
 def _clock(drive: Drive, estimate: Estimate) -> Floats:
     """The estimate's time in s on the drive's clock."""
     result: Floats = np.multiply(estimate.time_ns - drive.start_ns, 1e-9)
     return result
 
 
-@dataclass(frozen=True, eq=False)
-class _Fixes:
-    """The receiver's fixes on the drive's clock, its delay taken off. x, y: m in `plane`."""
-
-    time: Floats
-    x: Floats
-    y: Floats
-    plane: TransverseMercator
-    heights: tuple[Floats, Floats] | None
-    courses: tuple[Floats, Floats]
-
-    @classmethod
-    def of(cls, drive: Drive, delay: float) -> _Fixes | None:
-        """None with fewer than two of them on the move. delay: s, behind the IMU."""
-        gnss = drive.native["gnss"]
-        latitude, longitude = gnss.columns["latitude"], gnss.columns["longitude"]
-        known = np.isfinite(latitude) & np.isfinite(longitude)
-        if known.sum() < 2:
-            return None
-        time = gnss.time - delay
-        middle = float(np.median(latitude[known])), float(np.median(longitude[known]))
-        plane = TransverseMercator(*middle)
-        x, y = plane.forward(latitude[known], longitude[known])
-        altitude = gnss.columns.get("altitude")
-        heights = None
-        if altitude is not None and np.isfinite(altitude).sum() > 1:
-            high = np.isfinite(altitude)
-            heights = time[high], altitude[high]
-        courses = _courses(drive, time, time[known], x, y)
-        return None if courses is None else cls(time[known], x, y, plane, heights, courses)
-
-    def course(self, time: Floats) -> Floats:
-        """rad, of the way, unwrapped."""
-        return np.interp(time, *self.courses)
-
-    def near(self, time: Floats) -> np.ndarray:
-        """Whether the place is known: fixes on both sides, no farther apart than BLIND."""
-        after = np.clip(np.searchsorted(self.time, time), 1, len(self.time) - 1)
-        gap = self.time[after] - self.time[after - 1]
-        inside = (time >= self.time[0]) & (time <= self.time[-1])
-        result: np.ndarray = inside & (gap <= BLIND)
-        return result
-
-
-def _courses(
-    drive: Drive, time: Floats, fixed: Floats, x: Floats, y: Floats
-) -> tuple[Floats, Floats] | None:
-    """Time and unwrapped course on the move: the receiver's own, or that of its places."""
-    columns = drive.native["gnss"].columns
-    speed = np.interp(time, drive.time, np.abs(np.nan_to_num(drive.speed)))
-    course = columns.get("course")
-    if course is not None and np.isfinite(course).sum() > 1:
-        known = np.isfinite(course) & (speed > SLOWEST)
-        own, values = time[known], course[known]
-    else:
-        gap = np.maximum(np.gradient(fixed), 1e-3)
-        vx, vy = np.gradient(x) / gap, np.gradient(y) / gap
-        known = np.hypot(vx, vy) > SLOWEST
-        own, values = fixed[known], np.arctan2(vy, vx)[known]
-    return (own, np.unwrap(values)) if len(own) > 1 else None
-
-
-def _heading(drive: Drive, course: Floats, speed: Floats) -> Floats:
-    """rad, of the car: its yaw rate, held to the course over HEADING_ANCHOR.
-
-    So its sideslip in bends counts, which a course does not know of.
-    """
-    from scipy.ndimage import gaussian_filter1d
-
-    if "imu.gyro_z" not in drive:
-        return course
-    rate = np.nan_to_num(drive["imu.gyro_z"])
-    turned = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]))]) * drive.dt
-    weight = (speed > SLOWEST).astype(np.float64)
-    sd = HEADING_ANCHOR * drive.rate
-    total = gaussian_filter1d(weight, sd, mode="constant")
-    error = gaussian_filter1d(weight * (course - turned), sd, mode="constant")
-    result: Floats = turned + error / np.maximum(total, 1e-12)
-    return np.where(total > 1e-6, result, course)
-
-
-def _way(time: Floats, distance: Floats, course: Floats, fixes: _Fixes) -> tuple[Floats, Floats]:
-    """x and y in m at each time: dead reckoning by course and distance, held to the fixes."""
-    step = np.diff(distance)
-    middle = 0.5 * (course[1:] + course[:-1])
-    result = []
-    for wave, place in ((np.cos, fixes.x), (np.sin, fixes.y)):
-        reckoned = np.concatenate([[0.0], np.cumsum(step * wave(middle))])
-        error = place - np.interp(fixes.time, time, reckoned)
-        at = np.interp(fixes.time, time, distance)
-        grid = np.arange(at[0], at[-1] + 2 * STEP, STEP)
-        held = _smoothed(at, error, grid)
-        result.append(reckoned + np.interp(distance, grid, held))
-    return result[0], result[1]
-
-
-def _smoothed(at: Floats, values: Floats, grid: Floats) -> Floats:
-    """Gaussian mean of scattered values on a uniform grid over distance; rests count once."""
-    from scipy.ndimage import gaussian_filter1d
-
-    cell = np.clip(np.round((at - grid[0]) / STEP).astype(np.int64), 0, len(grid) - 1)
-    count = np.bincount(cell, minlength=len(grid)).astype(np.float64)
-    mean = np.bincount(cell, values, len(grid)) / np.maximum(count, 1)
-    there = (count > 0).astype(np.float64)
-    sd = ANCHOR / STEP
-    total = gaussian_filter1d(there, sd, mode="constant")
-    result: Floats = gaussian_filter1d(there * mean, sd, mode="constant") / np.maximum(total, 1e-9)
-    return result
+def _inclination(drive: Drive, estimate: Estimate) -> Floats:
+    """rad, of the car on the drive's clock; of the road where the estimate tells none."""
+    values = estimate.angles.get("inclination", estimate.angles["grade"])
+    known = np.isfinite(values)
+    return np.interp(drive.time, _clock(drive, estimate)[known], values[known])

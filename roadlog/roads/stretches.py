@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from roadlog.drive import runs
 from roadlog.geo import EARTH_RADIUS
-from roadlog.roads.passes import STEP, Pass
+from roadlog.roads.passes import Pass
+from roadlog.roads.way import STEP
 from roadlog.types import Bools, Floats
 
 REACH = 15.0  # m across the road: its lanes, and the errors of two positions

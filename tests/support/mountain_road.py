@@ -6,7 +6,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from roadlog.roads.model import RoadModel, beside, car_axes, road_of
-from roadlog.roads.passes import STEP, Pass
+from roadlog.roads.passes import Pass
+from roadlog.roads.way import STEP
 from roadlog.types import Floats
 
 HOME = (47.2, 11.4)
@@ -126,15 +127,22 @@ def drive_over(road: RoadModel, seed: int, forward: bool, car: int = 0) -> Pass:
 
 
 def errors(merged: RoadModel, road: RoadModel) -> dict[str, Floats]:
-    """Merged minus true grade and bank in rad, offset and height in m, by place and direction."""
+    """Merged minus true, by place and direction: rad and m.
+
+    grade, bank: against the road's table; grade_there, bank_there: against its surface below the
+    merged line, along and across it; offset, z: of the line, in m.
+    """
     fine = road.refined(1.0)
     x, y = fine.plane.forward(*merged.positions)
     station, offset, turn = fine.locate(x, y, merged.heading, 15.0)
     there = fine.at(station)
     sign = np.sign(np.cos(turn))
+    grade, bank = car_axes(*beside(fine, station, offset), turn)
     result = {
         "grade": merged.grade * sign - there.grade,
         "bank": merged.bank * sign - there.bank,
+        "grade_there": merged.grade - grade,
+        "bank_there": merged.bank - bank,
         "offset": offset,
         "z": merged.z - there.z,
     }
