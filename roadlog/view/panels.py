@@ -25,9 +25,9 @@ LEAST_ROOM_DEG = 0.2  # above and below what is drawn of a part
 MANY = 20_000  # samples, above which an svg or pdf holds the curves as a picture
 TITLE = 80  # characters of a line above a panel
 SIGNALS = {"speed": "speed [m/s]", "altitude": "altitude [m]"}  # inputs shown below the angles
-# of truth and signals, by drive: told apart also where they lie on each other
-DASHES: tuple[Any, ...] = ("-", "--", ":", "-.", (0, (8, 2)), (0, (1, 3)), (0, (6, 2, 1, 2, 1, 2)))
-GRAYS = ("#808080", "#404040", "#b0b0b0")
+# of truth and signals of a few drives: told apart also where they lie on each other
+GRAYS, DASHES = ("#808080", "#404040", "#b0b0b0"), ("-", "--", ":")
+MANY_SAID = 4  # figures in words above a panel; of more only the extent
 
 Drawn = dict[str, Any]  # name -> what the legend shows
 
@@ -86,6 +86,20 @@ class Paint:
     lead: Mapping[str, str]
     drives: tuple[str, ...]
 
+    @property
+    def band(self) -> float:
+        """Opacity of a band; those of many drives lie on each other."""
+        return BAND / max(len(self.drives), 1) ** 0.5
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether the truths of the drives are few enough to be told apart."""
+        return len(self.drives) <= len(GRAYS)
+
+    def truth_name(self, label: str) -> str:
+        """Of a truth in the legend."""
+        return label if self.is_apart else "truth of each drive"
+
     @classmethod
     def of(cls, view: DriveView, drawn: Collection[str]) -> Paint:
         """drawn: labels of all estimates that are."""
@@ -98,14 +112,14 @@ class Paint:
 
     def truth(self, label: str) -> dict[str, Any]:
         """Of the line of a truth."""
-        k = self._rank(colors.run(label))
-        return {"color": GRAYS[k % len(GRAYS)], "lw": 2.5, "ls": DASHES[k % len(DASHES)]}
+        k = self._rank(colors.run(label)) if self.is_apart else 0
+        return {"color": GRAYS[k], "lw": 2.5, "ls": DASHES[k]}
 
     def signal(self, drive: str) -> dict[str, Any]:
         """Of the line of a drive's own signal."""
         gray = "#5f6368"
         color = self.color[self.lead[drive]] if drive in self.lead else gray
-        return {"color": color, "lw": 1.0, "ls": DASHES[self._rank(drive) % len(DASHES)]}
+        return {"color": color, "lw": 1.0, "ls": DASHES[self._rank(drive) if self.is_apart else 0]}
 
     def _rank(self, drive: str) -> int:
         return self.drives.index(drive) if drive in self.drives else 0
@@ -117,12 +131,13 @@ def draw_angle(axis: Axes, view: DriveView, angle: str, part: Extent, paint: Pai
     for name, curve in view.truth.get(angle, {}).items():
         at = part.inside(curve)
         look = paint.truth(name)
-        drawn[name] = axis.plot(part.of(curve)[at], curve.values[at], **look)[0]
+        line = axis.plot(part.of(curve)[at], curve.values[at], **look)[0]
+        drawn[paint.truth_name(name)] = line
     for name in reversed(view.shown.get(angle, ())):  # the most prominent one lies on top
         curve, color = view.estimates[angle][name], paint.color[name]
         at = part.inside(curve)
         drawn[name] = axis.plot(part.of(curve)[at], curve.values[at], color=color, lw=1.0)[0]
-        _band(axis, curve, curve.values, color, part)
+        _band(axis, curve, curve.values, color, part, paint.band)
         for first, last in gaps(curve, part):
             axis.axvspan(
                 first, last, facecolor="none", edgecolor=color, hatch="///", lw=0, alpha=0.35
@@ -138,7 +153,8 @@ def draw_angle(axis: Axes, view: DriveView, angle: str, part: Extent, paint: Pai
 
 def draw_errors(axis: Axes, view: DriveView, angle: str, part: Extent, paint: Paint) -> None:
     """Errors of one angle about their bands, and their RMSE in words."""
-    said, widths, unit = [], [], view.unit(angle)
+    said: dict[str, tuple[float, float]] = {}
+    widths, unit = [], view.unit(angle)
     for name in reversed(view.shown[angle]):
         if name not in view.errors[angle]:
             continue
@@ -146,14 +162,13 @@ def draw_errors(axis: Axes, view: DriveView, angle: str, part: Extent, paint: Pa
         at = part.inside(error)
         axis.plot(part.of(error)[at], error.values[at], color=paint.color[name], lw=1.0)
         zero = np.where(np.isfinite(error.values), 0, np.nan)
-        _band(axis, error, zero, paint.color[name], part)
+        _band(axis, error, zero, paint.color[name], part, paint.band)
         if error.sd is not None and np.isfinite(error.sd[at]).any():
             widths.append(BAND_ROOM * float(np.nanmedian(error.sd[at])))
         known = error.values[at & error.counted]
         if len(known):
-            rmse, spread = np.sqrt(np.mean(known**2)), np.std(known)
-            said.append(f"{name} RMSE {rmse:.2f}{unit}, spread {spread:.2f}{unit}")
-    _title(axis, said[::-1])
+            said[name] = float(np.sqrt(np.mean(known**2))), float(np.std(known))
+    _title(axis, _in_words(dict(reversed(said.items())), unit))
     low, high = view.error_ranges[angle]
     widest = max(widths, default=0.0)
     _finish(axis, f"{angle} error [{unit}]", (min(low, -widest), max(high, widest)))
@@ -167,7 +182,7 @@ def draw_field(axis: Axes, plot: FieldPlot, part: Extent, paint: Paint) -> Drawn
     for name, curve in plot.estimates.items():
         at, color = part.inside(curve), paint.color[name]
         drawn[name] = axis.plot(part.of(curve)[at], curve.values[at], color=color, lw=1.0)[0]
-        _band(axis, curve, curve.values, color, part)
+        _band(axis, curve, curve.values, color, part, paint.band)
     _plain(axis)
     return drawn
 
@@ -180,7 +195,7 @@ def draw_field_errors(axis: Axes, plot: FieldPlot, part: Extent, paint: Paint) -
         error = curve.values - plot.truth.values
         axis.plot(part.of(curve)[at], error[at], color=paint.color[name], lw=1.0)
         zero = np.where(np.isfinite(error), 0.0, np.nan)
-        _band(axis, curve, zero, paint.color[name], part)
+        _band(axis, curve, zero, paint.color[name], part, paint.band)
         known = error[at & curve.counted & np.isfinite(error)]
         if len(known):
             said.append(f"{name} RMSE {np.sqrt(np.mean(known**2)):.3g} {plot.unit}")
@@ -204,6 +219,27 @@ def gaps(curve: Curve, part: Extent) -> list[tuple[float, float]]:
     x, missing = part.of(curve), part.inside(curve) & ~np.isfinite(curve.values)
     spans = [(float(x[run][0]), float(x[run][-1])) for run in runs(missing)]
     return [(first, last) for first, last in spans if last > first]
+
+
+def _in_words(found: Mapping[str, tuple[float, float]], unit: str) -> list[str]:
+    """RMSE and spread of each label; of an estimator in many drives from the least to the most."""
+    if len(found) <= MANY_SAID:
+        said = found.items()
+        return [f"{n} RMSE {r:.2f}{unit}, spread {s:.2f}{unit}" for n, (r, s) in said]
+    by_name: dict[str, list[tuple[float, float]]] = {}
+    for label, pair in found.items():
+        by_name.setdefault(colors.estimator(label), []).append(pair)
+    words = []
+    for name, pairs in by_name.items():
+        (low, least), (high, most) = np.min(pairs, axis=0), np.max(pairs, axis=0)
+        rmse, spread = _between(low, high), _between(least, most)
+        words.append(f"{name} in {len(pairs)} drives: RMSE {rmse}{unit}, spread {spread}{unit}")
+    return words
+
+
+def _between(low: float, high: float) -> str:
+    first, last = f"{low:.2f}", f"{high:.2f}"
+    return first if first == last else f"{first} to {last}"
 
 
 def _title(axis: Axes, said: list[str]) -> None:
@@ -247,12 +283,12 @@ def _with_band(
     return low, high
 
 
-def _band(axis: Axes, curve: Curve, center: Any, color: str, part: Extent) -> None:
+def _band(axis: Axes, curve: Curve, center: Any, color: str, part: Extent, opacity: float) -> None:
     if curve.sd is not None:
         at = part.inside(curve)
         low, high = (center - 2 * curve.sd)[at], (center + 2 * curve.sd)[at]
         axis.fill_between(
-            part.of(curve)[at], low, high, color=color, alpha=BAND, lw=0,
+            part.of(curve)[at], low, high, color=color, alpha=opacity, lw=0,
             rasterized=len(low) > MANY,
         )  # fmt: skip
 

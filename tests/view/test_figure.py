@@ -130,6 +130,15 @@ def test_two_drives_in_one_figure_are_told_apart(tmp_path: Path) -> None:
     assert "speed and altitude in the color" in figure.legends[0].get_title().get_text()
 
 
+def test_of_many_drives_the_figure_says_the_extent(tmp_path: Path) -> None:
+    """Their truths are one entry of the legend, their RMSE one line."""
+    logs = [make_log(tmp_path / f"s{k}.mcap", ("kmbe",), seed=k) for k in range(5)]
+    figure = angle_figure(drive_view(logs), Extent(angles=("grade",)))
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert names == ["truth of each drive", *(f"kmbe@s{k}" for k in range(5))]
+    assert figure.axes[1].get_title(loc="left") == "kmbe in 5 drives: RMSE 0.30°, spread 0.00°"
+
+
 def test_figure_of_single_angles(log: DriveLog, tmp_path: Path) -> None:
     view = drive_view(log, ["kmbe"])
     assert len(view.ranges) > 1

@@ -16,7 +16,7 @@ function showFacts() {
     [row.status, "status"], [row.vehicle || "–", "vehicle"], [row.road || "–", "road"],
     [minutes(row.duration_s), "min:s"],
     [row.distance_m === null ? "–" : (row.distance_m / 1000).toFixed(1), "km"],
-    [row.stops === null ? "–" : String(row.stops), "stops"], [figure(row.seconds.total, 1), "s to work on"],
+    [String(data.stops.length), "stops"], [figure(row.seconds.total, 1), "s to work on"],
   ];
   byId("facts").replaceChildren(...facts.map(([value, name]) => {
     const box = element("div");

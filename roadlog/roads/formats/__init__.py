@@ -64,5 +64,6 @@ def checked(path: Path) -> Path:
 def _module(path: Path, known: tuple[str, ...]) -> ModuleType:
     ending = path.suffix.lower()
     if ending not in known:
-        raise ConfigError(f"{path}: a road file ends with {', '.join(known)}, not '{ending}'")
+        hint = "; --plot FILE draws it" if ending in (".png", ".svg", ".pdf") else ""
+        raise ConfigError(f"{path}: a road file ends with {', '.join(known)}, not '{ending}'{hint}")
     return import_module(f"{__name__}.{MODULES[ending]}")
