@@ -24,6 +24,7 @@ from roadlog.types import Floats, Stamps
 if TYPE_CHECKING:
     from roadlog.ingest.profile import Profile
 
+MOST = 0.95  # share of a topic's messages; where fewer are on the recording's clock it jumped
 SECTION_OF = {section.topic: name for name, section in SECTIONS.items()}
 
 
@@ -100,12 +101,19 @@ def summarize(log: DriveLog) -> LogSummary:
     """Look through a whole log. Raises LogReadError when the file cannot be read."""
     from roadlog import estimators
 
-    tables, strays = without_strays(log.tables())
+    whole = log.tables()
+    tables, strays = without_strays(whole)
     span = main_span({topic: table.time for topic, table in tables.items()})
     duration = 0.0 if span is None else (span.end - span.start) * 1e-9
     drive: Drive | None = None
     found = [
-        Finding("stray_stamps", "note", (topic,), said, "leave the topic out, or mend its clock")
+        Finding(
+            "stray_stamps",
+            "note" if len(tables[topic]) > MOST * len(whole[topic]) else "fault",
+            (topic,),
+            said,
+            "leave the topic out, or mend its clock",
+        )
         for topic, said in strays.items()
     ]
     found += [Finding("clocks", "note", (), note) for note in log.notes]

@@ -13,7 +13,7 @@ import numpy as np
 
 from roadlog.checks.finding import Finding
 from roadlog.geo import EARTH_RADIUS, of_degrees_minutes
-from roadlog.signals import AXES, SECTIONS, WHEELS
+from roadlog.signals import AXES, SECTIONS, SIGNALS, WHEELS
 from roadlog.spool import release
 from roadlog.storage import Table
 from roadlog.types import Floats
@@ -32,17 +32,28 @@ LIMITS: dict[str, tuple[float, float]] = {
     "gnss.longitude": (-180.0, 360.0),
     "gnss.altitude": (-450.0, 9000.0),
     "barometer.altitude": (-2000.0, 15000.0),
-    **dict.fromkeys(("gnss.speed", "speed.v"), (-60.0, 700.0)),
-    **dict.fromkeys((f"wheel_speeds.{wheel}" for wheel in WHEELS), (-60.0, 700.0)),
+    **dict.fromkeys(("gnss.speed", "speed.v"), (-10.0, 700.0)),  # no car reverses for long
+    **dict.fromkeys((f"wheel_speeds.{wheel}" for wheel in WHEELS), (-10.0, 700.0)),
     "gnss.climb": (-150.0, 150.0),
     **dict.fromkeys((f"imu.accel_{axis}" for axis in AXES), (-80.0, 80.0)),
     **dict.fromkeys((f"imu.gyro_{axis}" for axis in AXES), (-2000.0, 2000.0)),
     "powertrain.engine_torque": (-6000.0, 6000.0),
     "powertrain.drive_force": (-300000.0, 300000.0),
+    "powertrain.gear_ratio": (-500.0, 500.0),
+    **dict.fromkeys(
+        (f"wheel_torques.{kind}_{wheel}" for kind in ("drive", "brake") for wheel in WHEELS),
+        (-100000.0, 100000.0),
+    ),
+    **dict.fromkeys(("gnss.course", "gnss.heading"), (-700.0, 700.0)),  # a hundred turns
+    "gnss.roll": (-3.2, 3.2),
+    "fuel.sender": (-10.0, 10.0),
     "truth.grade": (-1.0, 1.0),
     "truth.bank": (-1.0, 1.0),
-    "truth.inclination": (-1.6, 1.6),
-    "truth.roll_total": (-3.2, 3.2),
+    **dict.fromkeys(("truth.inclination", "truth.pitch"), (-1.6, 1.6)),
+    **dict.fromkeys(("truth.roll_total", "truth.roll"), (-3.2, 3.2)),
+    **{  # a code for none, as -1 of phones, is not as sure as can be
+        role: (0.0, np.inf) for role in SIGNALS if role.endswith(("_accuracy", "_sd"))
+    },
 }
 # signals of one device, which share a unit
 GROUPS = (
@@ -55,12 +66,22 @@ GROUPS = (
 MEANT: dict[str, tuple[tuple[float, str], ...]] = {
     "position": ((1 / 60, "minutes of arc"), (1e-7, "1e-7 degrees"), (1e-6, "1e-6 degrees")),
     "altitude": ((-1.0, "a height counted downward"), (1e-3, "mm"), (1e-2, "cm")),
-    "speed": ((1e-3, "mm/s"), (1e-2, "cm/s")),
+    "speed": ((-1.0, "counted backward"), (1e-3, "mm/s"), (1e-2, "cm/s")),
     "accel": ((STANDARD_GRAVITY * 1e-3, "mg"), (1e-3, "mm/s^2"), (1e-2, "cm/s^2")),
     "gyro": ((1e-3, "thousandths of a degree or radian a second"),),
     "truth": ((1 / FULL_DEGREE, "degrees"),),
+    **dict.fromkeys(
+        ("course", "heading"), ((0.01 / FULL_DEGREE, "cdeg"), (1 / FULL_DEGREE, "degrees"))
+    ),
+    "roll": ((1 / FULL_DEGREE, "degrees"), (0.01 / FULL_DEGREE, "cdeg")),
 }
-_EXACT = {"mg": 'unit = "mg"', "degrees": 'unit = "deg"', "mm": 'unit = "mm"', "cm": 'unit = "cm"'}
+_EXACT = {
+    "mg": 'unit = "mg"',
+    "degrees": 'unit = "deg"',
+    "mm": 'unit = "mm"',
+    "cm": 'unit = "cm"',
+    "cdeg": 'unit = "cdeg"',
+}
 
 RoleSignals = dict[str, tuple[Floats, Floats]]  # role -> s, values
 
@@ -146,6 +167,8 @@ def _cause(roles: tuple[str, ...], signals: RoleSignals) -> tuple[str, float | N
     ]
     if not fitting and (written := _degrees_minutes(roles, signals)):
         return written, None
+    if all(np.ptp(signals[role][1]) == 0 for role in roles):
+        return "one value throughout, a code for none? Then leave it out of the profile", None
     if not fitting:
         return "nothing that is tried makes it fit: another signal, or another unit?", None
     factor, name = min(fitting, key=lambda pair: _off_gravity(roles, signals, pair[0]))
@@ -217,6 +240,8 @@ def _wrapped(roles: tuple[str, ...], signals: RoleSignals) -> int:
 
 def _against_speed(signals: RoleSignals, factor: float) -> float | None:
     """Way by the positions, times a factor, over the way by a speed; None where none tells."""
+    if any(role not in signals for role in GROUPS[0]):
+        return None
     (time, north), (_, east) = (signals[role] for role in GROUPS[0])
     if len(north) != len(east) or len(north) < 10:
         return None

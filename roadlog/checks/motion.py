@@ -162,10 +162,11 @@ def latency(exam: Examination) -> None:
 
 def gyro_unit(exam: Examination) -> None:
     """Degrees for radians, by the turn of the track, the wheels and the lateral acceleration."""
-    gyro, accel = exam.evidence.triad("gyro"), exam.evidence.triad("accel")
-    if gyro is None:
-        return
     evidence = exam.evidence
+    roles = tuple(role for axis in AXES if (role := f"imu.gyro_{axis}") in evidence)
+    if "imu.gyro_z" not in roles:  # the one about which a car turns, however it lies
+        return
+    gyro, accel = np.array([evidence[role] for role in roles]), evidence.triad("accel")
     ratios = []
     if evidence.course_rate is not None:
         target = evidence.band(evidence.course_rate)
@@ -182,7 +183,6 @@ def gyro_unit(exam: Examination) -> None:
             ratios = [DEGREES if np.nanpercentile(lateral, 95) > MAX_LATERAL else 1.0]
     ratios = [ratio for ratio in ratios if np.isfinite(ratio) and ratio > 0]
     if ratios and min(ratios) > np.sqrt(DEGREES):
-        roles = tuple(f"imu.gyro_{axis}" for axis in AXES)
         exam.add(
             "unit",
             roles,
@@ -222,9 +222,19 @@ def _course(exam: Examination, role: str) -> None:
         given = exam.evidence[role]
         moving = np.isfinite(track[1]) & np.isfinite(given)
         if moving.sum() >= 10 * exam.evidence.rate:
-            fit = float(np.mean(np.cos(given - track[1])[moving]))
-            other = float(np.mean(np.cos(np.pi / 2 - given - track[1])[moving]))
-            clockwise = other > max(GOOD_FIT, fit + BETTER_FIT)
+
+            def fit(angle: Floats) -> float:
+                return float(np.mean(np.cos(angle - track[1])[moving]))
+
+            if not degrees:  # taken for radians, and their quarter turn with them
+                read = np.radians(given)
+                turned = np.pi / 2 + np.radians(given - np.pi / 2)
+                own = max(fit(given), fit(np.pi / 2 - given))
+                best = max(fit(read), fit(np.pi / 2 - read), fit(turned))
+                degrees = best > max(GOOD_FIT, own + BETTER_FIT)
+                given = read if degrees else given
+            other = fit(np.pi / 2 - given)
+            clockwise = other > max(GOOD_FIT, fit(given) + BETTER_FIT)
     if degrees or clockwise:
         faults = {"is in degrees": degrees, "counts clockwise from north": clockwise}
         reads = [text for text, there in faults.items() if there]

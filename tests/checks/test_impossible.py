@@ -158,3 +158,62 @@ def test_a_delay_that_no_sensor_has_and_what_it_leaves_is_said(tmp_path, delay, 
     said = f"check: speed.v: is moved by a delay of {delay}"
     assert any(note.startswith(said) for note in result.notes) is doubt
     assert (result.losses == ["speed.v: no sample of v is usable"]) is not left
+
+
+def test_one_position_alone_that_cannot_be_is_said():
+    tables = drive(scale=100.0)
+    gnss = tables["/gnss"]
+    blank = {**gnss.columns, "longitude": np.full(COUNT, np.nan)}
+    found = faults({**tables, "/gnss": replace(gnss, columns=blank)})
+    assert "nothing is beyond -90 to 90" in found["gnss.latitude"]
+
+
+def test_a_speed_that_counts_backward():
+    assert "counted backward? Then say scale = -1" in faults(drive(v=-SPEED))["speed.v"]
+
+
+def test_a_code_throughout_is_not_taken_for_another_unit():
+    tables = drive()
+    gnss = tables["/gnss"]
+    code = {**gnss.columns, "altitude": np.full(COUNT, -32768.0)}
+    found = faults({**tables, "/gnss": replace(gnss, columns=code)})
+    assert "a code for none" in found["gnss.altitude"]
+
+
+HEADING = 0.6 + 0.8 * np.sin(np.cumsum(SPEED) / 4000)  # from east, left positive
+
+
+def turning(**gnss: np.ndarray) -> dict[str, Table]:
+    """A drive with turns, and more of its receiver."""
+    east, north = (np.cumsum(SPEED * f(HEADING)) * 0.1 for f in (np.cos, np.sin))
+    place = {
+        "latitude": 48 + np.degrees(north / 6_371_008.8),
+        "longitude": 11 + np.degrees(east / 6_371_008.8 / np.cos(np.radians(48))),
+    }
+    return {**drive(), "/gnss": table("/gnss", "Gnss", **place, **gnss)}
+
+
+@pytest.mark.parametrize(
+    ("course", "words"),
+    [
+        (HEADING, ""),
+        (np.degrees(HEADING) + 3, "is in degrees"),
+        (90 - np.degrees(HEADING), "is in degrees and counts clockwise from north"),
+        (np.pi / 2 - (90 - np.degrees(HEADING)), "is in degrees"),
+        (9000 - 100 * np.degrees(HEADING), 'cdeg? Then say unit = "cdeg"'),
+    ],
+)
+def test_a_course_in_another_unit(course, words):
+    found = faults(turning(course=course))
+    assert words in found.get("gnss.course", "")
+    assert ("gnss.course" in found) is bool(words)
+
+
+def test_a_yaw_rate_alone_in_degrees():
+    rate = np.gradient(HEADING, T)
+    imu = table("/imu", "Imu", gyro_z=np.degrees(rate), accel_y=SPEED * rate)
+    found = faults({**turning(), "/imu": imu})
+    assert 'say unit = "deg/s"' in found["imu.gyro_z"]
+    assert "imu.gyro_z" not in faults(
+        {**turning(), "/imu": table("/imu", "Imu", gyro_z=rate, accel_y=SPEED * rate)}
+    )
