@@ -144,8 +144,11 @@ def outlook(
     found = []
     for k, angle in enumerate(SEPARATED):
         name = next((name for name in OTHERS[angle] if name in able), "")
-        better = accuracies()[known(sensors)][k]
-        found.append(Outlook(angle, name, OTHERS[angle].get(name), _needed(lacking), better))
+        now, better = OTHERS[angle].get(name), accuracies()[known(sensors)][k]
+        if now is not None and better > WORTH * now:
+            found.append(Outlook(angle, name, now))
+        else:
+            found.append(Outlook(angle, name, now, _needed(lacking), better))
     return found
 
 

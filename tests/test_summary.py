@@ -145,3 +145,19 @@ def test_a_slow_signal_in_fast_rows_lacks_nothing(roadlog, tmp_path):
     create(tmp_path / "slow.mcap", [imu, wheels, table("gnss", wheels.time, {"speed": speed})])
     said = roadlog("info", "slow.mcap").stdout
     assert re.search(r"gnss\.speed +m/s +1\.0 +5\.0 %", said), said
+
+
+def test_a_log_without_all_rates_says_no_word_of_numpy(roadlog, tmp_path):
+    """Two stops, no rates but that of yaw: `kmbe` is best of its kind, `fusion` no better."""
+    imu, wheels, truth = hill_tables(120.0)
+    standing = (wheels.time - wheels.time[0]) % 60_000_000_000 < 8_000_000_000
+    still = {n: np.where(standing, 0.0, v) for n, v in wheels.columns.items()}
+    few = {n: v for n, v in imu.columns.items() if n not in ("gyro_x", "gyro_y")}
+    few |= {n: np.where(standing, 9.81 * (n == "accel_z"), v) for n, v in few.items()}
+    empty = dict.fromkeys(("gyro_x", "gyro_y"), np.full(len(imu.time), np.nan))
+    tables = [table("imu", imu.time, few | empty), table("wheel_speeds", wheels.time, still), truth]
+    create(tmp_path / "x.mcap", tables)
+    done = roadlog("info", "x.mcap")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert re.search(r"\ngrade +kmbe +0\.28 +- *\n", done.stdout)
+    assert "can run then" in re.search(r"\nbank .*", done.stdout)[0]

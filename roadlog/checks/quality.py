@@ -158,7 +158,7 @@ def _drift(tables: Mapping[str, Table], table: Table) -> Iterator[Finding]:
         if not all(name in table.columns for name in names):
             continue
         x = np.stack([np.asarray(table.columns[name], np.float64) for name in names])
-        parts = [x[:, rows] for rows in stops]
+        parts = [x[:, rows] for rows in stops if np.isfinite(x[:, rows]).any(axis=1).all()]
         quiet = [part for part in parts if (np.nanstd(part, axis=1) < QUIET[kind]).all()]
         if len(quiet) < 2:
             continue

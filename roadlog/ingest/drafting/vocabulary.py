@@ -51,6 +51,12 @@ def _either(*words: str) -> tuple[str, ...]:
     return f"{first}{second}", f"{second}{first}"
 
 
+def _turning(axis: str) -> tuple[str, ...]:
+    """Of a rate about an axis, in the word order of English and German or of Romance languages."""
+    rate = r"(?:vel|velocidade?|velocita|vitesse|vit|taux|tasa|taxa|tasso)(?:ang\w*?)?"
+    return rf"(?:gyro)?{axis}{_RATE}", rf"{rate}(?:de|du|di|d|en)?{axis}"
+
+
 NAMES: dict[str, tuple[str, ...]] = {
     **{f"imu.accel_{a}": (f"{_ACCEL}{a}(?:axis|achse|veh|v)?", f"{a}{_ACCEL}") for a in "xyz"},
     **{f"imu.gyro_{a}": (f"{_GYRO}{a}(?:axis|achse|v)?", f"{a}{_GYRO}") for a in "xyz"},
@@ -106,19 +112,16 @@ WORDED: dict[str, tuple[str, ...]] = {
     "imu.accel_y": _either(_LAT, _FORCE),
     "imu.accel_z": _either(_VERT, _FORCE),
     "imu.gyro_x": (
-        rf"(?:gyro)?(?:roll|wank|roulis|balanceo|alabeo){_RATE}",
-        r"wroll|rollw|wwank|phidot|dphi|phip|vitesse(?:de)?roulis|velocidad(?:de)?(?:balanceo|alabeo)"
-        r"|velocita(?:di|angolaredi)?rollio|velocidadede?rolagem",
+        *_turning(r"(?:roll|wank|roulis|balanceo|alabeo|rollio|rolagem)"),
+        r"wroll|rollw|wwank|phidot|dphi|phip",
     ),
     "imu.gyro_y": (
-        rf"(?:gyro)?(?:pitch|nick|tangage|cabeceo){_RATE}",
-        r"wpitch|pitchw|wnick|thetadot|dtheta|thetap|vitesse(?:de)?tangage|velocidad(?:de)?cabeceo"
-        r"|velocita(?:di|angolaredi)?beccheggio|velocidadede?arfagem",
+        *_turning(r"(?:pitch|nick|tangage|cabeceo|beccheggio|arfagem)"),
+        r"wpitch|pitchw|wnick|thetadot|dtheta|thetap",
     ),
     "imu.gyro_z": (
-        rf"(?:gyro)?(?:yaw|gier|lacet|guinada){_RATE}",
-        r"vyaw|vyawveh|wyaw|yaww\w*|wgier|yawr|psip|psidot|dpsi|gier|vitesse(?:de)?lacet|(?:vel|velocidade?)(?:de)?guinada"
-        r"|velocita(?:di|angolaredi)?imbardata",
+        *_turning(r"(?:yaw|gier|lacet|guinada|imbardata)"),
+        r"vyaw|vyawveh|wyaw|yaww\w*|wgier|yawr|psip|psidot|dpsi|gier",
     ),
 }
 
