@@ -75,6 +75,16 @@ MEANT: dict[str, tuple[tuple[float, str], ...]] = {
     ),
     "roll": ((1 / FULL_DEGREE, "degrees"), (0.01 / FULL_DEGREE, "cdeg")),
 }
+# what sources write throughout where they have no value: ends of integers, and nines
+CODES = frozenset(
+    [
+        sign * float(2**bits - less)
+        for bits in (15, 16, 31, 32)
+        for less in (0, 1)
+        for sign in (1, -1)
+    ]
+    + [sign * (10.0**digits - 1) for digits in range(4, 10) for sign in (1, -1)]
+)
 _EXACT = {
     "mg": 'unit = "mg"',
     "degrees": 'unit = "deg"',
@@ -167,7 +177,7 @@ def _cause(roles: tuple[str, ...], signals: RoleSignals) -> tuple[str, float | N
     ]
     if not fitting and (written := _degrees_minutes(roles, signals)):
         return written, None
-    if all(np.ptp(signals[role][1]) == 0 for role in roles):
+    if all(np.ptp(signals[role][1]) == 0 and signals[role][1][0] in CODES for role in roles):
         return "one value throughout, a code for none? Then leave it out of the profile", None
     if not fitting:
         return "nothing that is tried makes it fit: another signal, or another unit?", None
