@@ -52,9 +52,9 @@ PIECE = 128  # steps between two checkpoints; covariances of one piece (1 MB) st
 class Piece(NamedTuple):
     """What the filter did in a run of steps, for the way back.
 
-    x (m, 29), P (m, 29, WIDTH): after the rows of a step. A (m, 7, 13): `coupling` into the step.
-    end (m + 1,): behind the last row of the step before. h, gain (r, 29), residual, spread (r,): of
-    each row, in their order.
+    x (m, 29): after the rows of a step. P (m, 29, WIDTH): likewise, or none. A (m, 7, 13):
+    `coupling` into the step. end (m + 1,): behind the last row of the step before. h, gain (r, 29),
+    residual, spread (r,): of each row, in their order.
     """
 
     x: Floats
@@ -138,8 +138,10 @@ def _forward(
         piece.end[m + 1] = r
         for i in range(N):
             piece.x[m, i] = x[i]
-            for j in range(P.shape[1]):
-                piece.P[m, i, j] = P[i, j]
+        if len(piece.P):
+            for i in range(N):
+                for j in range(P.shape[1]):
+                    piece.P[m, i, j] = P[i, j]
 
 
 @compiled
@@ -194,6 +196,7 @@ class _Filter:
         self.x, self.P = steps.starts[0].copy(), np.zeros((N, WIDTH))
         self.P[:, :N] = P0
         self.piece = Piece.empty()
+        self.passing = self.piece._replace(P=np.empty((0, N, WIDTH)))
         self.innovations = np.full((len(steps.speed), ROWS), np.nan)
         self.first, self.table = 0, table(steps, 0, 0, self.every)
 
@@ -205,8 +208,11 @@ class _Filter:
             self.first, self.table = first, table(self.steps, first, last, self.every)
         return self.table[piece.start - first : piece.stop - first + 1]
 
-    def forward(self, piece: slice) -> Records:
-        """Filter these steps; their records, the step before them first."""
+    def forward(self, piece: slice, back: bool = False) -> Records:
+        """Filter these steps; their records, the step before them first.
+
+        back: the way back comes next; it needs the covariances, which else only cost time.
+        """
         records = self.records(piece)
         _forward(
             piece.start,
@@ -217,7 +223,7 @@ class _Filter:
             self.at,
             self.x,
             self.P,
-            self.piece,
+            self.piece if back else self.passing,
             self.innovations[piece],
         )
         return records
@@ -256,7 +262,7 @@ def bryson_frazier(
     adjoint, L = np.zeros(N), np.zeros((N, WIDTH))
     for piece, x, P in reversed(checkpoints):
         run.x, run.P = x, P
-        records = run.forward(piece)
+        records = run.forward(piece, back=True)
         _back(
             records,
             run.noise,
