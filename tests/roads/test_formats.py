@@ -404,7 +404,7 @@ def test_a_grade_that_is_not_known_everywhere(road: RoadModel, tmp_path: Path, e
 @pytest.mark.parametrize(
     ("rows", "words"),
     [
-        ("", "has no rows"),
+        ("", "without rows"),
         ("48,9,nan\n48.01,9,nan\n", "grade_rad"),
         ("480,9,0\n481,9,0\n", "latitude"),
     ],
