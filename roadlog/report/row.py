@@ -156,8 +156,7 @@ def run_log(source: FoundLog, options: Options) -> LogResult:
                 _work_on(path, source, options, work)
             except RoadlogError as error:  # say where the log is, not where its download was
                 text = one_line(error).replace(str(path), source.url)
-                cause = work.row["losses"] if work.detail is None else []  # before the symptom
-                work.failures += [*cause, text.removeprefix(f"{source.url}: ")]
+                work.failures.append(text.removeprefix(f"{source.url}: "))
     except RoadlogError as error:
         work.failures.append(one_line(error).removeprefix(f"{source.url}: "))
     except Exception as error:  # a log of another kind of brokenness than we know
@@ -165,7 +164,8 @@ def run_log(source: FoundLog, options: Options) -> LogResult:
         work.traceback = traceback.format_exc()
     row = work.row
     if work.failures:
-        row["status"], row["message"] = "failed", "; ".join(work.failures)[:MAX_MESSAGE]
+        said = [*row["losses"], *work.failures]  # the cause before the symptom
+        row["status"], row["message"] = "failed", "; ".join(said)[:MAX_MESSAGE]
         row["traceback"] = work.traceback
     row["seconds"]["total"] = time.perf_counter() - started
     row["seconds"]["cpu"] = time.process_time() - cpu

@@ -284,5 +284,6 @@ def _no_mcap(path: Path, head: bytes) -> str:
     if not head:
         return "is empty; copy it anew"
     if path.suffix.lower() == ".mcap":
-        return f"is no MCAP file, whatever its name says: it begins with {head!r}; copy it anew"
+        begin = repr(head.decode("latin-1"))
+        return f"is no MCAP file, whatever its name says: it begins with {begin}; copy it anew"
     return f"is no MCAP file; make one with `roadlog ingest {path} -o {path.stem}.mcap`"

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 SUFFIXES = (".png", ".svg", ".pdf")
 WIDTH, ROW, HEAD = 11.0, 2.2, 1.4  # inches
 DPI = 150  # of a png
-FOOT = 0.04  # of an axis' height, that marks a stop
+FOOT = 0.03  # of an axis' height, that marks a stop
 STANDING = 0.05  # m/s, as drawn
 WHOLE = Extent()
 HEADING = 150  # characters of a line above the legend

@@ -136,6 +136,17 @@ def test_a_log_that_is_cut_off_is_said_to_be(logs: Path, drive: Path, tmp_path: 
     assert "; no vehicle signals" in row["message"]
 
 
+def test_the_damage_comes_before_what_an_estimator_lacks(logs: Path, tmp_path: Path) -> None:
+    """The IMU lies before the cut, the wheel speeds behind it."""
+    cut = logs / "mon" / "cut.mcap"
+    create(cut, hill_tables(120.0))
+    data = cut.read_bytes()
+    cut.write_bytes(data[: len(data) * 14 // 100])
+    (row,), _ = report(cut, tmp_path / "r", Options(("kmbe",)))
+    assert row["message"].startswith("it is damaged: the record at byte")
+    assert "no speed" in row["message"]
+
+
 def test_resume_does_what_changed(logs: Path, drive: Path, tmp_path: Path) -> None:
     out = tmp_path / "report"
     first, _ = report(logs, out)
