@@ -372,3 +372,5 @@ def test_one_sign_of_the_mounting_everywhere() -> None:
         assert np.degrees(fused[name][0]) == pytest.approx(true, abs=1.0), name
     said = next(note for note in estimate.notes if note.startswith("the mounting of the IMU"))
     assert f"pitch {np.degrees(fused['mounting_pitch'][0]):+.1f} deg (nose up +)" in said
+    constants = next(note for note in estimate.notes if note.startswith("estimated constants"))
+    assert "deg (nose up +)" in constants

@@ -97,7 +97,9 @@ def _found(solution: Solution) -> list[str]:
         value, sd = (solution.constants[key][0] for key in (name, f"{name}_sd"))
         if sd < LEARNED * prior[state]:
             unit, factor = next(shown for begin, shown in SHOWN.items() if name.startswith(begin))
-            found.append(f"{name} {factor * value:+.2g} ± {factor * sd:.1g} {unit}")
+            sense = POSITIVE.get(name.removeprefix("mounting_"), "")
+            plus = f" ({sense} +)" if sense else ""
+            found.append(f"{name} {factor * value:+.2g} ± {factor * sd:.1g} {unit}{plus}")
     return [f"estimated constants (± 1 sd): {', '.join(found)}"] if found else []
 
 
