@@ -69,7 +69,7 @@ def exercise(task: str) -> None:
         from roadlog.simulate import simulate
 
         simulate("luo2024-road1")
-        simulate("slalom", full=True)
+        simulate("ryu2004-slalom", full=True)
     elif task == "text files":
         from roadlog.ingest.sources import ingest
 

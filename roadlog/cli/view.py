@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def view(
     logs: Annotated[
         list[Path],
-        typer.Argument(metavar="LOG...", help="Logs side by side, or a road (.xodr, .crg, ...)."),
+        typer.Argument(metavar="LOG...", help="Logs, overlaid, or a road (.xodr, .crg, ...)."),
     ],
     save: Annotated[
         Path | None, typer.Option(metavar="F.rrd", help="Write a recording; open no window.")

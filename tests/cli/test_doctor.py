@@ -98,3 +98,10 @@ def test_the_oldest_set_is_the_lower_bounds() -> None:
     for name, version in oldest.items():
         bounds = [s.version for s in needed[name].specifier if s.operator == ">="]
         assert [Version(bound) for bound in bounds] == [Version(version)], name
+
+
+@pytest.mark.parametrize("task", ["simulator", "text files"])
+def test_what_is_compiled_ahead_can_be_run(task: str) -> None:
+    """The other tasks are estimators, which have tests of their own."""
+    assert task in warmup.TASKS
+    warmup.exercise(task)
