@@ -60,8 +60,8 @@ def print_true_errors(path: Path) -> None:
         for name in log.estimators:
             estimate = log.stored(name)
             later = estimate.time > 5.0
-            for angle in ("grade", "bank", "pitch", "roll"):
-                error = getattr(estimate, angle) - np.interp(
+            for angle in estimate.angles:
+                error = estimate.angles[angle] - np.interp(
                     estimate.time, since, truth.columns[angle]
                 )
                 rms = np.degrees(np.sqrt(np.mean(error[later] ** 2)))
