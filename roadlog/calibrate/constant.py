@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 JACKKNIFE_BLOCK = 4.0  # s; longer than the body rocks, so that blocks err apart
+GIVEN = "the vehicle file gives it"  # reason of a constant that is not looked for
 INCONSISTENT = 0.01  # probability, below which drives that scatter so are said to disagree
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from roadlog import estimators
 from roadlog.calibrate import dynamics, gains, mass, mounting, speeds, tires
-from roadlog.calibrate.constant import Constant, unknown
+from roadlog.calibrate.constant import GIVEN, Constant, unknown
 from roadlog.calibrate.mounting import filled
 from roadlog.car.correction import OF_IMU, corrected
 from roadlog.car.suspension import DASHBOARD_HEIGHT
@@ -346,7 +346,7 @@ def _place(fits: dict[str, speeds.SpeedFit], vehicle: Vehicle) -> list[Constant]
     """m, the IMU from the CG, by what it feels and the speed shows in curves."""
     names = ("imu_position_x", "imu_position_y")
     if vehicle.imu_position is not None:
-        return [unknown(name, "m", "the vehicle file gives it") for name in names]
+        return [unknown(name, "m", GIVEN) for name in names]
     best = _best(fits)
     if best is None or fits[best].ahead_sd > WORTH_PLACE or fits[best].side_sd > WORTH_PLACE:
         reason = "needs curves" if best else "needs curves, and the car's own speed"

@@ -18,6 +18,7 @@ from roadlog.estimate import Estimate
 from roadlog.filters.kernels import odd_window, slope
 from roadlog.filters.lowpass import band_pass, second_order
 from roadlog.types import Bools, Floats
+from roadlog.units import DEG
 from roadlog.units import STANDARD_GRAVITY as G
 
 SLOW = (0.15, 0.5)  # Hz, of the answer
@@ -78,8 +79,8 @@ def roll_gradient(drive: Drive, estimate: Estimate, vehicle: Vehicle) -> Constan
         return unknown(
             "roll_gradient",
             UNIT,
-            f"slow and quick turning disagree ({value:.4f} and {fast:.4f}): the road is banked in "
-            f"its curves",
+            f"slow and quick turning disagree ({value / DEG:.2f} and {fast / DEG:.2f} deg/(m/s2)): "
+            f"the road is banked in its curves",
         )
     prior = vehicle.roll_gain
     if abs(value - prior) > PRIOR_GATE * ROLL_PRIOR_SD or sd > WORTH * value:

@@ -15,6 +15,7 @@ from roadlog.car.suspension import TIRE_MODE
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.filters.lowpass import second_order, zero_phase
+from roadlog.units import DEG
 from roadlog.units import STANDARD_GRAVITY as G
 
 CUTOFF = 2.0  # Hz
@@ -26,7 +27,7 @@ RACK_SHARE = 0.2  # the rack's own give is in the understeer
 SHEET_SHARE = 0.10  # of mass and axle distances that are only defaults
 WORTH = 0.3  # share; a slip gradient that uncertain gives no stiffness
 ARM_SD = 0.3  # m, of the rear axle's place: at one speed it looks like slip
-UNIT, SLIP_UNIT = "N/rad", "rad/(m/s2)"
+UNIT = "N/rad"
 REAR, FRONT = "rear_cornering_stiffness", "front_cornering_stiffness"
 
 
@@ -35,7 +36,8 @@ def stiffnesses(drive: Drive, slip: Constant, vehicle: Vehicle) -> list[Constant
     if slip.identifiable and slip.value is not None and slip.sd is not None:
         slip = replace(slip, sd=float(np.hypot(slip.sd, ARM_SD / _turning_speed(drive) ** 2)))
     if slip.sd is not None and slip.value is not None and slip.sd > WORTH * slip.value:
-        reason = f"rear slip is {slip.value:.4f} +- {slip.sd:.4f} {SLIP_UNIT}: drive faster curves"
+        value, sd = slip.value / DEG, slip.sd / DEG
+        reason = f"rear slip is {value:.2f} ± {sd:.2f} deg/(m/s2): drive faster curves"
         return [unknown(name, UNIT, reason) for name in (REAR, FRONT)]
     if not slip.identifiable or slip.value is None or slip.sd is None:
         return [unknown(name, UNIT, slip.reason) for name in (REAR, FRONT)]

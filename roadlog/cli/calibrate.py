@@ -87,11 +87,13 @@ def _report(found: Calibration, opened: list[Any], out: Path) -> dict[str, Any]:
 
 
 def _print(found: Calibration, out: Path) -> None:
-    rows = []
+    rows, above = [], ""
     for f in found.constants.values():
         unit = IN_DEGREES.get(f.unit, f.unit)
         factor = math.degrees(1) if unit != f.unit else 1.0
-        remark = f"{_sense(f.name)}{_basis(found, f)}"
+        basis = _basis(found, f)
+        remark = f"{_sense(f.name)}{'as above' if basis == above else basis}"
+        above = basis
         if f.value is None or f.sd is None:
             rows.append([f.name, unit, "-", "-", remark])
             continue
@@ -118,8 +120,12 @@ def _sense(name: str) -> str:
 
 def _basis(found: Calibration, constant: Constant) -> str:
     """What a constant rests on, or why it does not show and what was done then."""
+    from roadlog.calibrate.constant import GIVEN
+
     if constant.identifiable:
         return constant.evidence
+    if constant.reason == GIVEN:
+        return f"not looked for: {GIVEN}"
     said = f"not identifiable from these drives: {constant.reason}"
     if constant.value is None:
         return said
