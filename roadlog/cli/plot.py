@@ -66,6 +66,6 @@ def plot(
         for note in shown.notes:
             console.note(note)
         write_figure(in_percent(shown) if slope == "percent" else shown, out, part, further or ())
-    drawn = ", ".join(shown.drawn(bool(further)))
+    drawn = ", ".join(shown.drawn(part.angles, further or ()))
     console.say(f"{out}: {drawn or 'the truth alone; no estimates are in the log'}")
     console.warn_losses(opening.losses(opened))

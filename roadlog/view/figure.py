@@ -139,7 +139,7 @@ def field_figure(view: DriveView, part: Extent, fields: Mapping[str, FieldPlot])
         draw_field_errors(right, plot, part, paint)
         left.set_ylabel(f"{name} [{plot.unit}]")
         right.set_ylabel(f"error [{plot.unit}]")
-    _finish_figure(figure, axes, view, part, drawn, [_BANDS, _COUNTED])
+    _finish_figure(figure, axes, view, part, drawn, [_BANDS, f"RMSE: from {DEFAULT_SKIP:g} s on"])
     return figure
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,9 +88,14 @@ class DriveView:
         """Of an angle and its errors."""
         return self.slope if angle in SLOPES else "°"
 
-    def drawn(self, further: bool = False) -> tuple[str, ...]:
-        """Labels of the estimators that a figure of the angles, or of further channels, draws."""
-        groups = [p.estimates for p in self.fields.values()] if further else self.shown.values()
+    def drawn(self, angles: Sequence[str] = (), further: Collection[str] = ()) -> tuple[str, ...]:
+        """Labels of the estimators that a figure draws: of some angles (none: of all), or instead
+        of further channels or fields.
+        """
+        groups: list[Iterable[str]] = [self.shown.get(a, ()) for a in angles or self.shown]
+        if further:
+            fields = self.fields.items()
+            groups = [p.estimates for n, p in fields if {n, n.partition(".")[0]} & {*further}]
         there = {label for labels in groups for label in labels}
         return tuple(label for label in self.estimators if label in there)
 

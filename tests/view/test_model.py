@@ -39,6 +39,8 @@ def test_few_estimators_are_drawn_first_the_prominent_ones(log: DriveLog) -> Non
     assert view.estimators == ("fusion", "tfobe", "kmbe", "static_slope", "debe")
     assert view.shown["grade"] == view.estimators[:SHOWN_FIRST]
     assert drive_view(log, ["debe", "kmbe"]).shown["grade"] == ("kmbe", "debe")
+    assert view.drawn() == view.drawn(["grade"]) == view.estimators[:SHOWN_FIRST]
+    assert view.drawn(["bank"]) == view.drawn(further=["tires"]) == ()
     with pytest.raises(MissingSignalError, match=r"no estimate 'kmb'. Close: kmbe"):
         drive_view(log, ["kmb"])
 
