@@ -72,8 +72,8 @@ def view(
     with output(save, [*logs, profile], force=force), scratch() as folder:
         opened = [opening.opened(path, profile) for path in logs]
         shown = drive_view(opened, names or (), rate)
-        for note in shown.notes:
-            console.note(f"{note}")
+        for note in [*shown.notes, *shown.left_out()]:
+            console.note(note)
         _show(_shown_drive(shown), save, web, png, connect, folder, force)
     console.warn_losses(opening.losses(opened))
 

@@ -88,6 +88,11 @@ class DriveView:
         """Of an angle and its errors."""
         return self.slope if angle in SLOPES else "°"
 
+    def left_out(self, angles: Sequence[str] = ()) -> list[str]:
+        """Sentences on prominent estimators that are not drawn, of some angles (none: of all)."""
+        shown = {a: self.shown[a] for a in angles or self.shown if a in self.shown}
+        return _unsure({a: self.estimates[a] for a in shown}, shown)
+
     def drawn(self, angles: Sequence[str] = (), further: Collection[str] = ()) -> tuple[str, ...]:
         """Labels of the estimators that a figure draws: of some angles (none: of all), or instead
         of further channels or fields.
@@ -172,7 +177,7 @@ def drive_view(
         drive_scene(drives[0], runs, shown),
         {label: picture for run in runs for label, picture in stop_pictures(run).items()},
         summary_texts(runs, found),
-        (*_notes(runs), *_unsure(estimates, shown)),
+        tuple(_notes(runs)),
         drives=tuple(run.name for run in drives),
     )
 
