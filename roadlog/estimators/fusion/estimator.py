@@ -25,7 +25,6 @@ from roadlog.estimators.fusion.outputs import Output
 from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.solution import Solution, solved
 from roadlog.estimators.fusion.speed import without_speed
-from roadlog.estimators.fusion.states import Row
 from roadlog.estimators.fusion.steps import Sway
 from roadlog.filters import Engine
 from roadlog.types import Bools, Flags, Floats
@@ -77,13 +76,10 @@ def _innovations(solution: Solution, time: Floats) -> dict[str, NDArray[np.float
     """Row -> residual over its predicted sd at the sample nearest to its step, NaN elsewhere."""
     at = np.clip(np.searchsorted(time, solution.time - 0.5 * (time[1] - time[0])), 0, len(time) - 1)
     found = {}
-    for kind in Row:
-        values = solution.innovations[:, kind]
-        used = np.isfinite(values)
-        if used.any():
-            placed = np.full(len(time), np.nan, np.float32)  # in sd: seven digits are plenty
-            placed[at[used]] = values[used]
-            found[kind.name.lower()] = placed
+    for row, (used, values) in solution.innovations.items():
+        placed = np.full(len(time), np.nan, np.float32)  # in sd: seven digits are plenty
+        placed[at[used]] = values
+        found[row.name.lower()] = placed
     return found
 
 

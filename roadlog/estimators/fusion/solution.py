@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from roadlog.car.suspension import knows_springs
 from roadlog.drive import runs
@@ -72,8 +73,8 @@ class Solution:
     time (n,): s. angles: name -> rad (n,). known (n,): the steps at which uncertainty is given.
     variance: name -> rad2 (n,). offset_sd, shape_sd (n, 2): rad, of the mean of grade and bank, and
     of what is left if that were known. constants: name -> value and name_sd, SI units, of the whole
-    drive. innovations (n, 17): a column a `Row`, residual over its predicted sd, NaN without a row.
-    consistency: how well the drive fits one car.
+    drive. innovations: row -> the steps that it was used at and its residuals over their predicted
+    sd. consistency: how well the drive fits one car.
     """
 
     fit: Fit
@@ -84,7 +85,7 @@ class Solution:
     offset_sd: Floats
     shape_sd: Floats
     constants: dict[str, Floats]
-    innovations: Floats
+    innovations: dict[Row, tuple[NDArray[np.int64], Floats]]
     consistency: Consistency
 
 
@@ -107,9 +108,15 @@ def solved(fit: Fit, engine: Engine) -> Solution:
         offset_sd=np.sqrt(offset),
         shape_sd=consistency.shape * np.sqrt(smoothed.shape_variance),
         constants=_constants(fit, smoothed, consistency),
-        innovations=smoothed.innovations,
+        innovations=_used(smoothed.innovations),
         consistency=consistency,
     )
+
+
+def _used(innovations: Floats) -> dict[Row, tuple[NDArray[np.int64], Floats]]:
+    """Of (n, 17), what is there: most rows are at every tenth step or rarer."""
+    at = {row: np.flatnonzero(np.isfinite(innovations[:, row])) for row in Row}
+    return {row: (used, innovations[used, row]) for row, used in at.items() if len(used)}
 
 
 def _angles(fit: Fit, smoothed: Smoothed, shares: Floats) -> dict[str, Floats]:
