@@ -6,19 +6,17 @@ Source: docs/methods/fusion.md#gnss-rows, docs/methods/fusion.md#loop-closure.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections import defaultdict
+from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from roadlog.drive import Drive, Samples
 from roadlog.estimators.fusion.speed import SpeedSource, known_samples
 from roadlog.estimators.fusion.steps import STEP_RATE, Fix
 from roadlog.geo import TransverseMercator
 from roadlog.types import Bools, Floats
-
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
 
 MIN_COURSE_SPEED = 1.0  # m/s, below this the course is noise
 ALTITUDE_INTERVAL = 1.0  # s, between altitudes used: their error is correlated over more than that
@@ -31,7 +29,6 @@ REVISIT_STEP = 0.2  # s between places that are compared
 REVISIT_GAP = 3.0  # s between fixes; across more the place is not known
 REVISIT_RADIUS, REVISIT_HEIGHT = 4.0, 3.0  # m; a lane beside is as high, a floor above is not
 REVISIT_TIME, REVISIT_PATH = 20.0, 100.0  # s, m between two visits
-NEIGHBORS_AT_ONCE = 64  # places whose neighbors are held at once
 
 
 def fixes_of(
@@ -91,8 +88,6 @@ def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: 
     By the receiver's position, where its altitude agrees: ramps of a car park lie above each other.
     One altitude is kept at a time.
     """
-    from scipy.spatial import cKDTree
-
     clone = np.zeros(len(time), np.bool_)
     names = "latitude", "longitude", "altitude"
     gnss = drive.native.get("gnss", Samples(np.empty(0), {}))
@@ -113,13 +108,12 @@ def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: 
     place = np.stack([np.interp(at, own, east), np.interp(at, own, north)], axis=1)
     height, driven = np.interp(at, own, altitude), np.interp(at, own, path)
     run = np.cumsum(~alive)  # the same number on both sides of no gap
-    tree, at_step = cKDTree(place), np.round(at * STEP_RATE).astype(np.int64)
+    places, at_step = _Places(place), np.round(at * STEP_RATE).astype(np.int64)
     earlier = np.searchsorted(at, at - REVISIT_TIME)
     kept = 0
-    for j, close in _neighbors(tree, place):
-        k = at_step[j]
-        near = close[bisect_left(close, kept) : bisect_left(close, earlier[j])]
-        if not near or k >= len(time) or not alive[k]:
+    for j, k in enumerate(at_step):
+        near = places.near(j, kept, earlier[j])
+        if not len(near) or k >= len(time) or not alive[k]:
             continue
         first = at_step[near]
         is_again = (
@@ -135,15 +129,31 @@ def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: 
     return clone
 
 
-def _neighbors(tree: cKDTree, place: Floats) -> Iterator[tuple[int, list[int]]]:
-    """Each place and those around it, in their order.
+class _Places:
+    """Places (m, 2), m, in the order of the drive, by squares as wide as REVISIT_RADIUS.
 
-    In blocks, as a car that stands has thousands around it.
+    Laps pass the same places hundreds of times: only those between two indices are looked at.
     """
-    for start in range(0, len(place), NEIGHBORS_AT_ONCE):
-        block = place[start : start + NEIGHBORS_AT_ONCE]
-        around = tree.query_ball_point(block, REVISIT_RADIUS, return_sorted=True)
-        yield from enumerate(around, start)
+
+    def __init__(self, place: Floats) -> None:
+        self.place = place
+        self.squares = list(map(tuple, np.floor(place / REVISIT_RADIUS).astype(np.int64).tolist()))
+        self.there: defaultdict[tuple[int, ...], list[int]] = defaultdict(list)
+        for j, square in enumerate(self.squares):
+            self.there[square].append(j)
+
+    def near(self, j: int, first: int, last: int) -> NDArray[np.int64]:
+        """Those of first .. last - 1 that are within REVISIT_RADIUS of place j, ascending."""
+        east, north = self.squares[j]
+        found: list[int] = []
+        for square in product((east - 1, east, east + 1), (north - 1, north, north + 1)):
+            there = self.there.get(square, ())
+            found += there[bisect_left(there, first) : bisect_left(there, last)]
+        near = np.array(sorted(found), np.int64)
+        if not found:
+            return near
+        east_north = self.place[near] - self.place[j]
+        return near[np.hypot(east_north[:, 0], east_north[:, 1]) <= REVISIT_RADIUS]
 
 
 def _place(
