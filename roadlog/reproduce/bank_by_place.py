@@ -105,23 +105,25 @@ def places(direction: str, crawl: bool, seed: int) -> BankPlaces:
 
 def _pass(name: str, x: Floats, y: Floats, s: Floats, bank: Floats) -> Pass:
     """The observer's bank along the true way; it gives no grade, and the circle has little."""
-    at = np.arange(s[0], s[-1], STEP)
+    cell = np.floor((s - s[0]) / STEP).astype(np.int64)
+    count = np.bincount(cell)
+    at, east, north = (np.bincount(cell, values) / count for values in (s, x, y))
     known = np.isfinite(bank)
-    east, north = np.interp(at, s, x), np.interp(at, s, y)
+    filled = np.interp(s, s[known], bank[known])
     course = np.unwrap(np.arctan2(np.gradient(north), np.gradient(east)))
     latitude, longitude = TransverseMercator(*HOME[:2]).inverse(east, north)
     full = np.ones(len(at))
     return Pass(
         name=name, car="car", estimator="roll_bank_obs", distance=at - at[0], latitude=latitude,
         longitude=longitude, altitude=HOME[2] * full, course=course, heading=course,
-        grade=0 * full, bank=np.interp(at, s[known], bank[known]), grade_sd=SD * full,
+        grade=0 * full, bank=np.bincount(cell, filled) / count, grade_sd=SD * full,
         bank_sd=SD * full, grade_shape_sd=SD / 2 * full, bank_shape_sd=SD / 2 * full,
     )  # fmt: skip
 
 
 def merged(runs: Sequence[BankPlaces]) -> Floats:
     """rad, bank as a car that turns left sees it, by place (BINS,): the road of some runs."""
-    model = max(roads([run.driven for run in runs]), key=lambda m: m.length)
+    model = max(roads([run.driven for run in runs]), key=lambda m: m.length).refined(1.0)
     x, y = TransverseMercator(*HOME[:2]).forward(*model.positions)
     middle = center()
     angle = np.unwrap(np.arctan2(y - middle[1], x - middle[0]))
