@@ -105,18 +105,16 @@ def places(direction: str, crawl: bool, seed: int) -> BankPlaces:
 
 def _pass(name: str, x: Floats, y: Floats, s: Floats, bank: Floats) -> Pass:
     """The observer's bank along the true way; it gives no grade, and the circle has little."""
-    cell = np.floor((s - s[0]) / STEP).astype(np.int64)
-    count = np.bincount(cell)
-    at, east, north = (np.bincount(cell, values) / count for values in (s, x, y))
+    at = np.arange(s[0], s[-1], STEP)
     known = np.isfinite(bank)
-    filled = np.interp(s, s[known], bank[known])
+    east, north = np.interp(at, s, x), np.interp(at, s, y)
     course = np.unwrap(np.arctan2(np.gradient(north), np.gradient(east)))
     latitude, longitude = TransverseMercator(*HOME[:2]).inverse(east, north)
     full = np.ones(len(at))
     return Pass(
         name=name, car="car", estimator="roll_bank_obs", distance=at - at[0], latitude=latitude,
         longitude=longitude, altitude=HOME[2] * full, course=course, heading=course,
-        grade=0 * full, bank=np.bincount(cell, filled) / count, grade_sd=SD * full,
+        grade=0 * full, bank=np.interp(at, s[known], bank[known]), grade_sd=SD * full,
         bank_sd=SD * full, grade_shape_sd=SD / 2 * full, bank_shape_sd=SD / 2 * full,
     )  # fmt: skip
 
