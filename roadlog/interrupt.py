@@ -25,6 +25,8 @@ NOTHING = "nothing written"
 
 _seen: list[int] = []
 _story: list[str] = []
+_ended: list[bool] = []
+_ending = threading.Lock()
 
 
 def install() -> None:
@@ -55,11 +57,16 @@ def end() -> NoReturn:
     """Say what was written before the signal came, and end the process."""
     from roadlog import files, processes
 
-    files.abandon()
-    processes.end_all()
-    written = ", ".join(str(path) for path in files.written if path.exists())
-    text = _story[0] if _story else f"stopped; {f'written: {written}' if written else NOTHING}"
-    os.write(2, f"roadlog: {text}\n".encode("utf-8", "replace"))
+    held = _ending.acquire(timeout=GRACE)  # the main thread may be slow to end, and the watch come
+    if not _ended:
+        files.abandon()
+        processes.end_all()
+        written = ", ".join(str(path) for path in files.written if path.exists())
+        text = _story[0] if _story else f"stopped; {f'written: {written}' if written else NOTHING}"
+        os.write(2, f"roadlog: {text}\n".encode("utf-8", "replace"))
+        _ended.append(True)
+    if held:
+        _ending.release()
     if threading.current_thread() is threading.main_thread():
         atexit._run_exitfuncs()  # pools give their semaphores back
     # not sys.exit: Python remembers an interrupt that went through `exec` and ends by SIGINT

@@ -120,6 +120,24 @@ def test_what_swallows_the_signal_ends_too(tmp_path: Path) -> None:
         os.kill(child, 0)
 
 
+SLOW = """
+import atexit, os, signal, sys, time
+from roadlog import __main__
+
+atexit.register(time.sleep, 4.0)  # longer than an interrupted run may take to end
+sys.argv = ["roadlog", "--version"]
+import roadlog.cli
+roadlog.cli.main = lambda: os.kill(os.getpid(), signal.SIGINT) or time.sleep(600)
+__main__.main()
+"""
+
+
+def test_an_end_that_takes_long_is_said_once() -> None:
+    process = start("-c", SLOW)
+    _, errors = process.communicate(timeout=DEADLINE)
+    assert (process.returncode, errors) == (130, "roadlog: stopped; nothing written\n")
+
+
 POOL = """
 import os, time
 from roadlog.reproduce import over

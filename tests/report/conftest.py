@@ -30,7 +30,7 @@ def level(drive, vehicle, params, engine):
     """No road climbs; and some cars are more than a process can bear."""
     if vehicle.name == "killer":
         os.kill(os.getpid(), signal.SIGKILL)
-    time.sleep(0.05)
+    time.sleep(0.15)  # so that a signal sent between two rows comes long before the last
     zero = np.zeros(len(drive))
     return Estimate(drive.time, {"grade": zero}, {"grade": zero + 0.05})
 
