@@ -141,12 +141,15 @@ class LocalPool(Executor):
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the processes; those at work are not waited for unless `wait`."""
+        """End the processes; those at work are not waited for unless `wait`.
+
+        Their pools' threads are: they give semaphores back, which the process must not cut short.
+        """
         for worker in self._workers:
-            processes = list((worker._processes or {}).values())
-            worker.shutdown(wait=wait, cancel_futures=cancel_futures)
-            for process in [] if wait else processes:
+            for process in [] if wait else list((worker._processes or {}).values()):
                 process.terminate()
+        for worker in self._workers:
+            worker.shutdown(cancel_futures=cancel_futures)
 
 
 def _worker() -> ProcessPoolExecutor:
