@@ -41,7 +41,7 @@ from roadlog.estimators.fusion.recursion import (
 )
 from roadlog.estimators.fusion.rows import is_there
 from roadlog.estimators.fusion.states import DRIVEN, DRIVERS, ROWS, W_THETA, N
-from roadlog.estimators.fusion.steps import Steps, table
+from roadlog.estimators.fusion.steps import STEP, Steps, table
 from roadlog.jit import compiled
 from roadlog.types import Floats, Record, Records
 
@@ -198,12 +198,12 @@ class _Filter:
         self.piece = Piece.empty()
         self.passing = self.piece._replace(P=np.empty((0, N, WIDTH)))
         self.innovations = np.full((len(steps.speed), ROWS), np.nan)
-        self.first, self.table = 0, table(steps, 0, 0, self.every)
+        self.first, self.table = -1, np.empty(0, STEP)
 
     def records(self, piece: slice) -> Records:
         """Of the step before a piece, and of its own."""
         first = piece.start // TABLE * TABLE
-        if first != self.first or len(self.table) == 1:
+        if first != self.first:
             last = min(first + TABLE, len(self.steps.speed))
             self.first, self.table = first, table(self.steps, first, last, self.every)
         return self.table[piece.start - first : piece.stop - first + 1]

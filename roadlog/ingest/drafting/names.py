@@ -80,7 +80,6 @@ _BRACKETS = re.compile(r"[\[({<]([^\])}>]*)[\])}>]\s*$")
 _OTHER = re.compile(OTHER)
 _ANGULAR = re.compile(r"angular|omega|gyro|rotation|yaw|pitch|roll")  # never a speed of the car
 POWER = re.compile(r"_(?:1?e|deg_?1?e)_?([5-7])$")  # lat_e7: times 10^7
-_PRESSURE = re.compile(r"pressure")  # only an altitude is made of one
 _RELATIVE = re.compile(r"baro|relative|pressure")
 
 
@@ -101,7 +100,7 @@ def roles_of(frame: Frame, column: str) -> list[str]:
         found = _of(REFERENCES, _core(words)) or [r for r in found if r.startswith("gnss.")]
     if "gnss.altitude" in found and _RELATIVE.search(place):
         found = ["barometer.altitude"]
-    if _PRESSURE.search(place):
+    if "pressure" in place:  # only an altitude is made of one
         found = [role for role in found if role.endswith(".altitude")]
     if _ANGULAR.search("_".join(words)):
         found = [role for role in found if role != "speed.v"]
