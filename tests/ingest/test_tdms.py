@@ -64,6 +64,17 @@ def test_a_later_segment_may_state_a_part_of_its_clock(tmp_path, second, begins,
     assert not result.losses
 
 
+@pytest.mark.parametrize("interval", [0.001, 0.01])
+def test_blocks_that_a_computer_stamps_keep_their_order(tmp_path, interval):
+    late = np.random.default_rng(1).normal(0.0, 0.015, 40)
+    late[0] = 0.0
+    segments = [at(k * SIZE * interval + late[k], interval=interval) for k in range(40)]
+    time, values, result = speeds(tmp_path, segments)
+    np.testing.assert_array_equal(values, np.arange(40 * SIZE))
+    np.testing.assert_allclose(time - T0, interval * values, atol=1e-6)
+    assert not result.losses
+
+
 @pytest.mark.parametrize(
     "segments",
     [

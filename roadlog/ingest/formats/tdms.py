@@ -25,7 +25,8 @@ LONGEST_INTERVAL = 1e6  # s, of an interval
 TDMS_1970 = 2_082_844_800  # s from 1904-01-01
 NO_STAMP = np.iinfo(np.int64).min  # NaT
 CLOCK = "time"  # of channels that state their interval
-SLACK = 1.5  # samples; stamps of blocks by a computer's clock are no pause
+SLACK = 1.5  # samples, and
+JITTER = 0.1  # s, by which stamps of blocks differ that a computer gives: they are no pause
 UNITS = ("unit_string", "NI_UnitDescription", "unit")
 
 
@@ -51,11 +52,11 @@ class Take:
         return self.timing.start + round((index - self.first) * self.timing.interval * 1e9)
 
     def goes_on_in(self, other: Take) -> bool:
-        """Whether the clock of this take gives the other its start, but for a sample or so."""
+        """Whether the clock of this take gives the other its start, but for SLACK and JITTER."""
         mine, new = self.timing, other.timing
         late = abs(new.start - self.moment(other.first))
         same = (mine.interval, mine.dated) == (new.interval, new.dated)
-        return same and late <= SLACK * mine.interval * 1e9
+        return same and late <= max(SLACK * mine.interval, JITTER) * 1e9
 
     def then(self, first: int, was: Timing, now: Timing) -> Take:
         """The take from a sample on from which the properties say something else.
