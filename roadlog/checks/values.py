@@ -265,13 +265,11 @@ def _kind(role: str) -> str:
 
 def _stuck(values: Floats, seconds: Floats) -> Bools:
     """Samples in runs of one exact value of FROZEN s or more, where the rest is noisy."""
-    result = np.zeros(len(values), np.bool_)
     if len(values) < 3:
-        return result
+        return np.zeros(len(values), np.bool_)
     edges = np.flatnonzero(np.diff(values) != 0) + 1
     starts, ends = np.r_[0, edges], np.r_[edges, len(values)]
-    for start, end in zip(starts, ends, strict=True):
-        result[start:end] = seconds[end - 1] - seconds[start] >= FROZEN
+    result = np.repeat(seconds[ends - 1] - seconds[starts] >= FROZEN, ends - starts)
     steps = np.diff(values[~result])
     steps = steps[steps != 0]
     if len(steps) < 10 or np.mean(steps[1:] * steps[:-1] < 0) < LIVELY:
