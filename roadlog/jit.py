@@ -51,7 +51,7 @@ class Kernel:
         """What numba makes of it; the same in every thread."""
         with _lock:
             made = vars(self).get("dispatcher")
-            return made or _forgiving(loaded().njit(**self.options)(self.py_func))
+            return made or _reading(loaded().njit(**self.options)(self.py_func))
 
     @cached_property
     def part(self) -> Any:
@@ -65,11 +65,13 @@ class Kernel:
         return loaded().types.Dispatcher(self.part)
 
 
-def _forgiving(dispatcher: Any) -> Any:
-    """Let it compile anew what it cannot read of what was kept on disk.
+def _reading(dispatcher: Any) -> Any:
+    """Let it compile anew what it cannot read of what was kept on disk, and read without ado.
 
     numba reads an index before it looks at its stamp: one of an older roadlog, that names a type
-    which is gone, and one of which only a part was written, would end in a traceback.
+    which is gone, and one of which only a part was written, would end in a traceback. And it
+    prepares all that a compiler needs before it looks whether there is anything to compile: half
+    of the time of a short command.
     """
     kept = getattr(dispatcher._cache, "_cache_file", None)
     if kept is None:  # a kernel that is not kept
@@ -84,8 +86,15 @@ def _forgiving(dispatcher: Any) -> Any:
 
         return attempt
 
+    from numba.core.runtime import rtsys
+
+    def load(signature: Any, context: Any) -> Any:
+        rtsys.initialize(context)  # what machine code calls
+        return dispatcher._cache._load_overload(signature, context)
+
     kept._load_index = read(kept._load_index, dict)
     kept.load = read(kept.load, lambda: None)
+    dispatcher._cache.load_overload = load
     return dispatcher
 
 
@@ -165,7 +174,6 @@ def loaded() -> Any:
     with _withheld("scipy.linalg.cython_blas"):
         import numba
         import numba.extending
-        import numba.np.arraymath
     from numba.core import event
 
     class Teller(event.Listener):  # type: ignore[misc]
