@@ -70,7 +70,8 @@ def road(
     if not passes:
         raise LogReadError(f"no road: {console.plural(len(failed), 'log')} left out, as said above")
     with life.working(f"merging {console.plural(len(passes), 'drive')}"):
-        models = _parts(roads(passes, out.stem), first, last)
+        models = roads(passes, out.stem)
+    models = _parts(models, passes, first, last)
     _put([m if step == STEP else m.refined(step) for m in models], passes, outputs, slope, force)
     if failed:
         raise typer.Exit(console.LOSS)
@@ -96,12 +97,14 @@ def _check(
         raise ConfigError(f"{estimator} gives no grade, so no road; take fusion or kmbe")
 
 
-def _parts(models: list[RoadModel], first: float | None, last: float | None) -> list[RoadModel]:
+def _parts(
+    models: list[RoadModel], passes: list[Pass], first: float | None, last: float | None
+) -> list[RoadModel]:
     """Each stretch from `first` to `last`; one that is shorter is left out. Raises RoadlogError."""
     from roadlog.errors import ConfigError, LogReadError
 
     if not models:
-        raise LogReadError("the drives are too short for a road: 40 m at least")
+        raise LogReadError(_no_road(passes))
     parts = []
     for model in models:
         try:
@@ -111,6 +114,18 @@ def _parts(models: list[RoadModel], first: float | None, last: float | None) -> 
                 raise
             console.complain(f"warning: left out: {error}")
     return parts
+
+
+def _no_road(passes: list[Pass]) -> str:
+    """Why passes with places and angles hold no stretch of road."""
+    longest = max(float(own.distance[-1] - own.distance[0]) for own in passes)
+    way = f"no road: {longest:.0f} m of way with a known place and grade in the longest drive"
+    if longest < 40:
+        return f"{way}; a road needs 40 m"
+    return (
+        f"{way}, but nowhere 40 m of road: what lies between holes is too short, and circles of "
+        "less than 50 m are turning or parking"
+    )
 
 
 def _put(

@@ -15,7 +15,7 @@ from roadlog.geo import TransverseMercator
 from roadlog.roads.constants import Merged, Slope, solved
 from roadlog.roads.model import RoadModel, road_axes, road_of
 from roadlog.roads.passes import Pass
-from roadlog.roads.stretches import Stretch, Traverse, stretches
+from roadlog.roads.stretches import LEAST, Stretch, Traverse, stretches
 from roadlog.roads.way import STEP
 from roadlog.types import Bools, Floats
 
@@ -32,8 +32,7 @@ WANDERING = (
 )
 ALTITUDE_SD = 2.0  # m, of one receiver's altitude
 ALTITUDE_REACH = 3000.0  # m, over which its error is one: minutes, as of the ionosphere
-PLACE_SD = 0.55  # m, of one pass's place, along and across the road
-SHORTEST = 8  # nodes; a shorter stretch is no road
+PLACE_SD = 0.55  # m, of one drive's place, along and across the road
 
 
 def roads(passes: Sequence[Pass], name: str = "road") -> list[RoadModel]:
@@ -53,7 +52,7 @@ def roads(passes: Sequence[Pass], name: str = "road") -> list[RoadModel]:
 
 def road(stretch: Stretch, passes: Sequence[Pass]) -> RoadModel | None:
     """The road model of one stretch; None where it is too short to be one."""
-    if len(stretch.latitude) < SHORTEST:
+    if len(stretch.latitude) < LEAST:
         return None
     middle = float(np.median(stretch.latitude)), _middle_longitude(stretch.longitude)
     tracks = [
@@ -62,14 +61,14 @@ def road(stretch: Stretch, passes: Sequence[Pass]) -> RoadModel | None:
     line = _first_line(stretch, middle)
     for _ in range(ROUNDS):
         line = _centered(line, tracks)
-    if len(line) < SHORTEST:
+    if len(line) < LEAST:
         return None
     laid = [w for w in (_laid(line, track) for track in tracks) if w is not None]
     if not laid:
         return None
     model = _combined(line, laid, [passes[w.track.run.owner] for w in laid])
     driven = model.s[model.passes > 0]
-    return model.between(float(driven[0]), float(driven[-1])) if len(driven) > SHORTEST else None
+    return model.between(float(driven[0]), float(driven[-1])) if len(driven) > LEAST else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +217,9 @@ def _combined(line: RoadModel, laid: Sequence[_Laid], owners: Sequence[Pass]) ->
         bank_tangent = np.nan_to_num(bank.value)
     assert grade is not None
     assert bank is not None
-    passes = np.sum([w.inside for w in laid], axis=0)
+    inside = np.array([w.inside for w in laid])
+    passes = inside.sum(axis=0)
+    told = np.sum([inside[drive == d].any(axis=0) for d in np.unique(drive)], axis=0)
     tangent, z, z_sd = _heights(line, laid, owners, grade)
     slope = np.arctan(tangent)
     both = any(w.track.run.forward for w in laid) and not all(w.track.run.forward for w in laid)
@@ -229,9 +230,9 @@ def _combined(line: RoadModel, laid: Sequence[_Laid], owners: Sequence[Pass]) ->
         z_sd=z_sd,
         grade=slope,
         bank=np.arctan(bank.value * np.cos(slope)),
-        grade_sd=np.hypot(grade.sd * np.cos(slope) ** 2, _moved(line, passes, slope, bank_tangent)),
+        grade_sd=np.hypot(grade.sd * np.cos(slope) ** 2, _moved(line, told, slope, bank_tangent)),
         grade_common_sd=grade.common_sd * np.cos(slope) ** 2,
-        bank_sd=np.hypot(bank.sd, _moved(line, passes, bank_tangent)),
+        bank_sd=np.hypot(bank.sd, _moved(line, told, bank_tangent)),
         bank_common_sd=bank.common_sd,
         passes=passes,
         drives=drives,
@@ -241,10 +242,13 @@ def _combined(line: RoadModel, laid: Sequence[_Laid], owners: Sequence[Pass]) ->
     )
 
 
-def _moved(line: RoadModel, passes: NDArray[np.int64], *slopes: Floats) -> Floats:
-    """rad that an error of the place makes of what changes there; across the road by the twist."""
+def _moved(line: RoadModel, drives: NDArray[np.int64], *slopes: Floats) -> Floats:
+    """rad that an error of the place makes of what changes there; across the road by the twist.
+
+    drives (n,): a receiver wanders for minutes, so laps of one drive are off alike.
+    """
     changes = [np.nan_to_num(np.gradient(values, line.s)) for values in slopes]
-    return np.sqrt(np.sum(np.square(changes), axis=0)) * PLACE_SD / np.sqrt(np.maximum(passes, 1))
+    return np.sqrt(np.sum(np.square(changes), axis=0)) * PLACE_SD / np.sqrt(np.maximum(drives, 1))
 
 
 def _turned(
@@ -308,7 +312,8 @@ def _heights(
     Both lean towards the altitudes by as much as these know the mean slope better.
     """
     tangent = _without_ripple(line.s, grade.value)
-    rise = np.nan_to_num(tangent)
+    told = np.isfinite(tangent)
+    rise = np.interp(line.s, line.s[told], tangent[told]) if told.any() else np.zeros(len(line))
     z = np.concatenate([[0.0], np.cumsum(0.5 * (rise[1:] + rise[:-1]) * np.diff(line.s))])
     altitude = np.array(
         [
@@ -336,7 +341,7 @@ def _without_ripple(s: Floats, slope: Floats) -> Floats:
     from scipy.interpolate import make_smoothing_spline
 
     known = np.isfinite(slope)
-    if known.sum() < SHORTEST:
+    if known.sum() < LEAST:
         return slope
     spacing = np.ptp(s) / (len(s) - 1)
     filled = np.interp(s, s[known], slope[known])

@@ -5,29 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from roadlog.drive import runs
-from roadlog.geo import EARTH_RADIUS
 from roadlog.roads.passes import Pass
+from roadlog.roads.places import REACH, Places, on_sphere
 from roadlog.roads.way import STEP
 from roadlog.types import Bools, Floats
 
-REACH = 15.0  # m across the road: its lanes, and the errors of two positions
 REACH_BACK = 10.0  # m, against the direction: the legs of a hairpin are nearer than 2 REACH
-PARALLEL = np.radians(40.0)  # rad between the ways of passes over one road
+STOREY = 8.0  # m of altitude between two roads; a receiver wanders less within a drive
 CHUNK = 100  # points of a pass placed at a time, so that a lap meets the lap before
 TURNED = np.radians(120.0)  # rad, after which a chunk ends: the way may lead back over itself
 SHORTEST = 10  # points; a shorter meeting is a crossing, a shorter detour a parked car
+LEAST = 8  # points; fewer are no road
 JUMP = 10 * STEP  # m without a known grade, after which a pass begins anew
 SLANT = 0.2  # of lateral against longitudinal way, beyond which two roads only cross
-STOREY = 8.0  # m of altitude between two roads; a receiver wanders less within a drive
 HOLE = 6  # points that the way over a hole may be off the known road's
-BEHIND = int(REACH / STEP) + 3  # points of a stretch's end that its own next points meet
-LOOK = 8  # nearest known points that are asked
+TAIL = 2  # points of a stretch's end that its own next point meets
+NEAR_END = int(REACH / STEP) + 3  # points within which a run of a stretch begins at its end
 
 
 @dataclass(frozen=True)
@@ -53,64 +51,6 @@ class Stretch:
     runs: list[Traverse] = field(default_factory=list)
 
 
-class Places:
-    """Every known point of road, found by place and direction; points come in, none goes out."""
-
-    def __init__(self) -> None:
-        self.xyz = np.empty((0, 3))
-        self.course = np.empty(0)
-        self.stretch = np.empty(0, np.int64)
-        self.node = np.empty(0, np.int64)
-        self.altitude = np.empty(0)
-        self.owner = np.empty(0, np.int64)
-        self._trees: list[tuple[int, Any]] = []
-
-    def add(
-        self, xyz: Floats, course: Floats, altitude: Floats, owner: int, stretch: int, first: int
-    ) -> None:
-        """Points of one pass on one stretch, the first of which is its node `first`."""
-        from scipy.spatial import cKDTree
-
-        begin = len(self.xyz)
-        self.xyz = np.concatenate([self.xyz, xyz])
-        self.course = np.concatenate([self.course, course])
-        self.stretch = np.concatenate([self.stretch, np.full(len(xyz), stretch)])
-        self.node = np.concatenate([self.node, first + np.arange(len(xyz))])
-        self.altitude = np.concatenate([self.altitude, altitude])
-        self.owner = np.concatenate([self.owner, np.full(len(xyz), owner)])
-        # trees of growing size, so that each point is put into few of them
-        while self._trees and begin - self._trees[-1][0] <= len(self.xyz) - begin:
-            begin = self._trees.pop()[0]
-        self._trees.append((begin, cKDTree(self.xyz[begin:])))
-
-    def nearest(
-        self, xyz: Floats, course: Floats, altitude: Floats, owner: int
-    ) -> NDArray[np.int64]:
-        """Index of the nearest known point along or against the way; -1 where there is none.
-
-        A pass that is higher up by more than STOREY than where it was before is on another road;
-        the altitudes of two receivers cannot be compared.
-        """
-        best = np.full(len(xyz), -1)
-        least = np.full(len(xyz), np.inf)
-        for begin, tree in self._trees:
-            away, index = tree.query(xyz, LOOK, distance_upper_bound=REACH)
-            there = np.isfinite(away)
-            index = np.where(there, index + begin, 0)
-            turn = course[:, None] - self.course[index]
-            there &= np.abs(np.sin(turn)) < np.sin(PARALLEL)
-            there &= (np.cos(turn) > 0) | (away < REACH_BACK)
-            climb = np.abs(altitude[:, None] - self.altitude[index])
-            there &= ~((self.owner[index] == owner) & (climb > STOREY))
-            away[~there] = np.inf
-            column = away.argmin(axis=1)
-            rows = np.arange(len(xyz))
-            nearer = away[rows, column] < least
-            best[nearer] = index[rows, column][nearer]
-            least[nearer] = away[rows, column][nearer]
-        return best
-
-
 def stretches(passes: Sequence[Pass]) -> list[Stretch]:
     """Every stretch of road in some passes; each pass is in it once, but for laps.
 
@@ -118,125 +58,159 @@ def stretches(passes: Sequence[Pass]) -> list[Stretch]:
     same road, in either direction; what is not known becomes road. Meetings shorter than SHORTEST
     or at a slant are crossings. Stretches that every drive passes one after the other are joined.
     """
-    places, found = Places(), _Book([])
+    places = Places()
+    found: list[Stretch] = []
     for owner, own in enumerate(passes):
-        xyz = _xyz(own.latitude, own.longitude)
-        open_stretch: int | None = None
-        last_chunk: NDArray | None = None
-        for chunk in _chunks(own):
-            if last_chunk is None or own.distance[chunk[0]] - own.distance[last_chunk[-1]] > JUMP:
-                open_stretch = None
-            near = places.nearest(xyz[chunk], own.course[chunk], own.altitude[chunk], owner)
-            open_stretch = found.place(owner, own, xyz, chunk, near, places, open_stretch)
-            last_chunk = chunk
-    return joined(found.stretches, passes)
+        for leg in _legs(own):
+            walk = _Walk(owner, own, int(leg[-1]), places, found)
+            for chunk in _chunks(own.course[leg]):
+                walk.place(leg[chunk])
+    return joined([one for one in found if len(one.latitude) >= LEAST], passes)
 
 
-@dataclass
-class _Book:
-    stretches: list[Stretch]
+class _Walk:
+    """One leg of a pass, up to its point `end`, that is placed chunk by chunk.
 
-    def place(
-        self,
-        owner: int,
-        own: Pass,
-        xyz: Floats,
-        chunk: NDArray[np.int64],
-        near: NDArray[np.int64],
-        places: Places,
-        open_stretch: int | None,
-    ) -> int | None:
-        """Enter one chunk; the stretch that its end is still adding to, if any."""
-        if open_stretch is not None:  # its own last points lie just behind, not abeam
-            end = len(self.stretches[open_stretch].latitude) - BEHIND
-            behind = (places.stretch[near] == open_stretch) & (places.node[near] >= end)
-            near = np.where(behind, -1, near)
-        met = _meetings(own, xyz, chunk, near, places)
-        known = np.zeros(len(chunk), np.bool_)
-        for part in met:
-            there = part[near[part] >= 0]  # all but the holes
-            which = int(places.stretch[near[there[0]]])
-            points = chunk[part]
-            forward = bool(np.cos(own.course[chunk[there]] - places.course[near[there]]).mean() > 0)
-            nodes = int(places.node[near[there[0]]]), int(places.node[near[there[-1]]])
-            self.stretches[which].runs.append(Traverse(owner, points, forward, nodes))
-            known[part] = True
-        last: int | None = None
+    open: the stretch that its last point was added to. over: the known stretch that it went over
+    there, and whether in its direction.
+    """
+
+    def __init__(
+        self, owner: int, own: Pass, end: int, places: Places, found: list[Stretch]
+    ) -> None:
+        self.owner, self.own, self.end, self.places, self.found = owner, own, end, places, found
+        self.xyz = on_sphere(own.latitude, own.longitude)
+        self.open: int | None = None
+        self.over: tuple[int, bool] | None = None
+
+    def place(self, chunk: NDArray[np.int64]) -> None:
+        """Enter the points of one chunk: where they are known, and as new road elsewhere."""
+        known = self._go_over(chunk)
+        before, self.open = self.open, None
         for run in runs(~known):
-            goes_on = run.start == 0 and open_stretch is not None
-            if run.stop - run.start < SHORTEST and not goes_on:
+            goes_on = run.start == 0 and before is not None
+            ends = run.stop < len(chunk)  # else it may go on in the next chunk
+            if run.stop - run.start < SHORTEST and ends and not goes_on:
                 continue
-            points = chunk[run]
-            if goes_on and open_stretch is not None:
-                which = open_stretch
-                self._extend(which, own, points)
-            else:
-                which = len(self.stretches)
-                self.stretches.append(Stretch(np.empty(0), np.empty(0), np.empty(0)))
-                self._extend(which, own, points)
-            stretch = self.stretches[which]
-            first = len(stretch.latitude) - len(points)
-            places.add(xyz[points], own.course[points], own.altitude[points], owner, which, first)
-            last_node = len(stretch.latitude) - 1
-            nodes = last_node - len(points) + 1, last_node
-            stretch.runs.append(Traverse(owner, points, True, nodes))
-            if run.stop == len(chunk):
-                last = which
-        return last
+            which = self._add(before if run.start == 0 else None, chunk[run])
+            if not ends:
+                self.open = which
 
-    def _extend(self, which: int, own: Pass, points: NDArray[np.int64]) -> None:
-        stretch = self.stretches[which]
+    def _go_over(self, chunk: NDArray[np.int64]) -> Bools:
+        """Enter the runs of a chunk over known stretches; which of its points these are."""
+        wide = self._with_following(chunk)
+        near = self._near(wide)
+        known = np.zeros(len(chunk), np.bool_)
+        over: tuple[int, bool] | None = None
+        for part in self._meetings(wide, near):
+            part = part[part < len(chunk)]
+            there = part[near[part] >= 0]  # all but the holes
+            if not len(there):
+                continue
+            first, last = near[there[[0, -1]]]
+            which = int(self.places.stretch[first])
+            turn = self.own.course[wide[there]] - self.places.course[near[there]]
+            forward = bool(np.cos(turn).mean() > 0)
+            nodes = int(self.places.node[first]), int(self.places.node[last])
+            self.found[which].runs.append(Traverse(self.owner, wide[part], forward, nodes))
+            known[part] = True
+            if part[-1] == len(chunk) - 1:
+                over = which, forward
+        self.over = over
+        return known
+
+    def _with_following(self, chunk: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The chunk and the points behind it that tell whether its end only crosses a road."""
+        return np.arange(chunk[0], min(chunk[-1] + SHORTEST, self.end) + 1)
+
+    def _near(self, points: NDArray[np.int64]) -> NDArray[np.int64]:
+        own = self.own
+        near = self.places.nearest(self.xyz[points], own.course[points])
+        if self.open is None:
+            return near
+        # its own last points lie just behind, not abeam
+        end = len(self.found[self.open].latitude) - TAIL
+        behind = (self.places.stretch[near] == self.open) & (self.places.node[near] >= end)
+        return np.where(behind, -1, near)
+
+    def _meetings(
+        self, wide: NDArray[np.int64], near: NDArray[np.int64]
+    ) -> list[NDArray[np.int64]]:
+        """Positions in `wide` of each run over one known stretch, in one direction."""
+        hit = near >= 0
+        if not hit.any():
+            return []
+        places, distance = self.places, self.own.distance[wide]
+        stretch = np.where(hit, places.stretch[near], -1)
+        forward = np.cos(self.own.course[wide] - places.course[near]) > 0
+        node = places.node[near]
+        step = np.diff(node) * np.where(forward[1:], 1, -1)
+        goes_on: Bools = (
+            (stretch[1:] == stretch[:-1])
+            & hit[1:]
+            & (forward[1:] == forward[:-1])
+            & (np.abs(step - np.diff(distance) / STEP) < 4)
+        )
+        result = []
+        for part in np.split(np.arange(len(wide)), np.flatnonzero(~goes_on) + 1):
+            begin, end = part[[0, -1]]
+            if not hit[begin]:
+                continue
+            whole = len(part) >= SHORTEST or (
+                (begin == 0 and self.over == (int(stretch[0]), bool(forward[0])))
+                or wide[end] == self.end
+            )
+            away = places.across(self.xyz[wide[part]], near[part])
+            if not whole or (not forward[begin] and np.median(away) > REACH_BACK):
+                continue
+            if places.climb(self.own.altitude[wide[part]], self.owner, near[part]) > STOREY:
+                continue
+            slant = np.ptp(away) > max(SLANT * (distance[end] - distance[begin]), 3.0)
+            if not (slant and len(part) < 4 * SHORTEST):
+                result.append(part)
+        return _bridged(result, distance, stretch, forward, node)
+
+    def _add(self, which: int | None, points: NDArray[np.int64]) -> int:
+        """Points as new road at the end of a stretch, or as a new one (None); its index."""
+        own = self.own
+        if which is None:
+            which = len(self.found)
+            self.found.append(Stretch(np.empty(0), np.empty(0), np.empty(0)))
+        stretch = self.found[which]
+        first = len(stretch.latitude)
         for name in ("latitude", "longitude", "course"):
             values = np.concatenate([getattr(stretch, name), getattr(own, name)[points]])
             setattr(stretch, name, values)
+        self.places.add(
+            self.xyz[points], own.course[points], own.altitude[points], self.owner, which, first
+        )
+        stretch.runs.append(Traverse(self.owner, points, True, (first, first + len(points) - 1)))
+        return which
 
 
-def _chunks(own: Pass) -> list[NDArray[np.int64]]:
-    """Indices of a pass in pieces of at most CHUNK points, cut at jumps and after half turns."""
-    result, begin = [], 0
+def _legs(own: Pass) -> list[NDArray[np.int64]]:
+    """Indices of a pass between its jumps, without the points at which it goes round in a circle.
+
+    A circle of less than SHORTEST points is no road, and its laps cannot be told apart.
+    """
     course = np.unwrap(own.course)
-    for k in range(1, len(own) + 1):
-        if (
-            k == len(own)
-            or k - begin >= CHUNK
-            or own.distance[k] - own.distance[k - 1] > JUMP
-            or abs(course[k] - course[begin]) > TURNED
-        ):
+    round_about = np.zeros(len(own), np.bool_)
+    for k in np.flatnonzero(np.abs(course[SHORTEST:] - course[:-SHORTEST]) > 2 * np.pi):
+        round_about[k : k + SHORTEST + 1] = True
+    kept = np.flatnonzero(~round_about)
+    cuts = (np.diff(own.distance[kept]) > JUMP) | (np.diff(kept) > 1)
+    return [leg for leg in np.split(kept, np.flatnonzero(cuts) + 1) if len(leg)]
+
+
+def _chunks(course: Floats) -> list[NDArray[np.int64]]:
+    """Indices of a leg in pieces of at most CHUNK points, cut after half turns."""
+    result, begin = [], 0
+    turned = np.unwrap(course)
+    for k in range(1, len(turned) + 1):
+        if k == len(turned) or k - begin >= CHUNK or abs(turned[k] - turned[begin]) > TURNED:
             result.append(np.arange(begin, k))
             begin = k
     return result
-
-
-def _meetings(
-    own: Pass, xyz: Floats, chunk: NDArray[np.int64], near: NDArray[np.int64], places: Places
-) -> list[NDArray[np.int64]]:
-    """Positions in the chunk of each run over one known stretch, in one direction."""
-    hit = near >= 0
-    if not hit.any():
-        return []
-    stretch = np.where(hit, places.stretch[near], -1)
-    forward = np.cos(own.course[chunk] - places.course[near]) > 0
-    node = places.node[near]
-    step = np.diff(node) * np.where(forward[1:], 1, -1)
-    goes_on: Bools = (
-        (stretch[1:] == stretch[:-1])
-        & hit[1:]
-        & (forward[1:] == forward[:-1])
-        & (np.abs(step - np.diff(own.distance[chunk]) / STEP) < 4)
-    )
-    cuts = np.flatnonzero(~goes_on) + 1
-    result = []
-    for part in np.split(np.arange(len(chunk)), cuts):
-        # at a chunk's edge the rest of a run may lie in the next; a turn there is no way back
-        at_edge = (part[0] == 0 or part[-1] == len(chunk) - 1) and forward[part[0]]
-        if not hit[part[0]] or (len(part) < SHORTEST and not at_edge) or len(part) < 2:
-            continue
-        away = np.linalg.norm(xyz[chunk[part]] - places.xyz[near[part]], axis=1)
-        way = own.distance[chunk[part[-1]]] - own.distance[chunk[part[0]]]
-        if np.ptp(away) > max(SLANT * way, 3.0) and len(part) < 4 * SHORTEST:
-            continue
-        result.append(part)
-    return _bridged(result, own.distance[chunk], stretch, forward, node)
 
 
 def _bridged(
@@ -258,14 +232,6 @@ def _bridged(
                 continue
         result.append(part)
     return result
-
-
-def _xyz(latitude: Floats, longitude: Floats) -> Floats:
-    """m, on a sphere about the earth's centre: places anywhere can be compared."""
-    a, b = np.radians(latitude), np.radians(longitude)
-    return EARTH_RADIUS * np.stack(
-        [np.cos(a) * np.cos(b), np.cos(a) * np.sin(b), np.sin(a)], axis=1
-    )
 
 
 def joined(found: list[Stretch], passes: Sequence[Pass]) -> list[Stretch]:
@@ -295,9 +261,9 @@ def joined(found: list[Stretch], passes: Sequence[Pass]) -> list[Stretch]:
 
 def _end(stretch: Stretch, node: int) -> int | None:
     """0 at the stretch's beginning, 1 at its end, None between them."""
-    if node <= BEHIND:
+    if node <= NEAR_END:
         return 0
-    return 1 if node >= len(stretch.latitude) - 1 - BEHIND else None
+    return 1 if node >= len(stretch.latitude) - 1 - NEAR_END else None
 
 
 def _chained(found: list[Stretch], single: dict[tuple[int, int], tuple[int, int]]) -> list[Stretch]:
@@ -353,9 +319,9 @@ def _merged(members: list[Traverse]) -> list[Traverse]:
             and last.owner == run.owner
             and last.forward == run.forward
             and 0 < run.points[0] - last.points[-1] <= JUMP / STEP
-            and (run.nodes[0] - last.nodes[1]) * (1 if run.forward else -1) >= -BEHIND
+            and (run.nodes[0] - last.nodes[1]) * (1 if run.forward else -1) >= -NEAR_END
         ):
-            points = np.concatenate([last.points, run.points])
+            points = np.arange(last.points[0], run.points[-1] + 1)  # with a hole's between them
             result[-1] = Traverse(run.owner, points, run.forward, (last.nodes[0], run.nodes[1]))
         else:
             result.append(run)

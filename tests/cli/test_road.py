@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.drives import Run, hill_tables
-from support.mountain_road import mountain_road
+from support.mountain_road import HOME, mountain_road
 
 from roadlog.log import create
 from roadlog.roads import formats
+from roadlog.roads.model import road_of
 from roadlog.simulate import simulate
 
 
@@ -48,6 +49,18 @@ def test_a_log_without_positions_is_left_out(roadlog: Run, drives: Path) -> None
     assert done.returncode == 3
     assert "blind.mcap: left out: needs positions" in done.stderr
     assert "2 drives" in done.stdout
+
+
+def test_circles_on_a_car_park_are_no_road_and_say_so(roadlog: Run, tmp_path: Path) -> None:
+    turn = np.linspace(0.0, 6 * np.pi, 230)
+    x, y = 6 * np.cos(turn), 6 * np.sin(turn)
+    circle = road_of("circle", HOME, x, y, np.zeros(len(x)), bank=np.zeros(len(x)))
+    made = simulate("mountain", road=circle, seed=1)
+    create(tmp_path / "park.mcap", made.tables, made.metadata, made.vehicle)
+    done = roadlog("road", "park.mcap", "-o", "x.csv")
+    assert done.returncode == 1
+    assert "circles of less than 50 m are turning or parking" in done.stderr
+    assert not (tmp_path / "x.csv").exists()
 
 
 @pytest.mark.parametrize(
