@@ -36,9 +36,9 @@ class AngleMetrics:
     """Errors of one angle of one estimator; None where not defined.
 
     n: samples compared. matched_share: truth samples at which there is an estimate.
-    valid_share: of those, the ones whose estimate is valid. *_deg: degrees; *_percent: of
-    100 tan(angle), for grade and bank. within_2sd: share of errors inside 2 standard deviations.
-    nees: mean squared error over variance.
+    valid_share: truth samples at which it is valid too, those that are compared. *_deg: degrees;
+    *_percent: of 100 tan(angle), for grade and bank. within_2sd: share of errors inside 2 standard
+    deviations. nees: mean squared error over variance.
     """
 
     n: int
@@ -297,7 +297,7 @@ def angle_metrics(errors: AngleErrors, angle: str, remove_offset: bool = False) 
     n = int(errors.valid.sum())
     shares = (
         matched / len(errors.time) if len(errors.time) else None,
-        n / matched if matched else None,
+        n / len(errors.time) if len(errors.time) else None,
     )
     if n == 0:
         return AngleMetrics(0, *shares, *[None] * 13)

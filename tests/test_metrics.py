@@ -67,7 +67,7 @@ def test_no_comparison_across_a_gap_or_beyond_the_ends() -> None:
     errors = angle_errors(track(own, np.zeros(len(own))), truth, "grade", 0.0)
     m = angle_metrics(errors, "grade")
     assert m.matched_share == pytest.approx(12 / 20, abs=0.002)
-    assert m.valid_share == 1.0
+    assert m.valid_share == m.matched_share
     assert not errors.matched[(errors.time > 8.01) & (errors.time < 12)].any()
 
 

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 Metrics = Mapping[str, Mapping[str, "AngleMetrics"]]
 Details = Mapping[str, Mapping[str, "DetailMetrics"]]
 
-MATCHED = 0.99  # of the truth, below which an estimator's share is said
-
 
 def evaluate(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs with estimates.")],
@@ -39,7 +37,8 @@ def evaluate(
 ) -> None:
     """Compare every estimate in the log with its truth.
 
-    Errors are estimate minus truth at the truth's times, over valid samples. Angles: grade is
+    Errors are estimate minus truth at those of the truth's times at which the estimate is valid;
+    `valid` is their share, the rest is not judged. Angles: grade is
     uphill +, pitch nose up +, bank and roll right side down +. Further channels, like tire forces
     and sideslip, are compared where the log holds their truth.
 
@@ -90,17 +89,6 @@ def _print(log: str, values: Metrics, skip: float, remove_offset: bool, slope: s
     ending = f"{begin}, mean error removed" if remove_offset else begin
     title = f"{log}: errors in {unit}{ending}"
     console.print_table(columns, rows, title, left=2, spare=("MAE", "95 %", "max"))
-    shares = {
-        name: min(m.matched_share or 0.0 for m in angles.values())
-        for name, angles in values.items()
-        if angles
-    }
-    for name, share in shares.items():
-        if share < MATCHED:
-            console.note(
-                f"{name}: compared at {share:.0%} of the truth's samples; near the others it has "
-                "no valid estimate"
-            )
 
 
 def _sizes(m: AngleMetrics, angle: str, slope: str) -> list[str]:

@@ -17,7 +17,8 @@ const TERMS = { // heading -> what it means
   "in 2 sd": "share of the truth within two of the estimate's own standard deviations; 95 % is honest, "
     + "less is overconfident, more is too careful",
   NEES: "mean of (error / sd) squared; 1 is honest, 4 means that the sd is half of what it should be",
-  valid: "share of the time in which the estimator vouches for its value",
+  valid: "share of the truth's samples (without truth: of the estimator's own) at which it vouches for its "
+    + "value; the rest is not compared",
   warnings: "faults of the log and losses while reading it; remarks of estimators do not count",
   "took s": "seconds of work",
   passes: "how often drives went over this point",
