@@ -221,7 +221,7 @@ class DriveLog:
     @property
     def estimators(self) -> list[str]:
         """Names of the estimators whose results the log holds."""
-        found = (split_estimate_topic(channel.topic) for channel in self.channels)
+        found = (split_estimate_topic(channel.topic) for channel in self.channels if channel.count)
         return sorted({parts[0] for parts in found if parts and parts[1] == "angles"})
 
     def truth(self) -> Estimate | None:

@@ -186,6 +186,16 @@ def _shown(value: Any) -> str:
     return f"{value:.3f}" if isinstance(value, float) else str(value)
 
 
+def no_estimates(log: DriveLog) -> str:
+    """Sentence on a log without any: a cut one may have had them, as they lie at its end."""
+    what = (
+        "what could be read holds no estimates; they lie at a log's end, so that they may be lost"
+        if log.losses
+        else "has no estimates yet"
+    )
+    return f"{log.path}: {what}; run `roadlog estimate {log.path}`"
+
+
 def evaluate(log: DriveLog, skip: float = DEFAULT_SKIP, remove_offset: bool = False) -> Evaluation:
     """Metrics of every estimate in a log: estimator -> angle -> metrics.
 
@@ -199,7 +209,7 @@ def evaluate(log: DriveLog, skip: float = DEFAULT_SKIP, remove_offset: bool = Fa
             f"{log.path}: has no truth on {TRUTH_TOPIC} to compare with; {TRUTH_ADVICE}"
         )
     if not log.estimators:
-        raise LogReadError(f"{log.path}: has no estimates yet; run `roadlog estimate {log.path}`")
+        raise LogReadError(no_estimates(log))
     result: dict[str, dict[str, AngleMetrics]] = {}
     for name in log.estimators:
         result[name] = errors(log.stored(name), truth, skip).metrics(remove_offset)

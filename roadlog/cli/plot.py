@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from roadlog.cli import console, opening, options
+
+if TYPE_CHECKING:
+    from roadlog.view.panels import Extent
 
 
 def plot(
@@ -50,16 +54,13 @@ def plot(
     from roadlog.files import output
     from roadlog.view.figure import SUFFIXES, write_figure
     from roadlog.view.model import drive_view
-    from roadlog.view.panels import Extent
     from roadlog.view.slopes import in_percent
 
     if out.suffix.lower() not in SUFFIXES:
         raise typer.BadParameter(
             f"{out}: must end in {', '.join(SUFFIXES)}", param_hint="'-o' / '--out'"
         )
-    if over not in ("time", "distance"):
-        raise typer.BadParameter("must be time or distance", param_hint="--over")
-    part = Extent("distance" if over == "distance" else "time", first, last, tuple(angles or ()))
+    part = _extent(over, first, last, angles or ())
     with output(out, [*logs, profile], force=force):
         opened = [opening.opened(path, profile) for path in logs]
         shown = drive_view(opened, names or ())
@@ -69,3 +70,17 @@ def plot(
     drawn = ", ".join(shown.drawn(part.angles, further or ()))
     console.say(f"{out}: {drawn or 'the truth alone; no estimates are in the log'}")
     console.warn_losses(opening.losses(opened))
+
+
+def _extent(over: str, first: float | None, last: float | None, angles: Sequence[str]) -> Extent:
+    """What is asked for. Raises typer.BadParameter."""
+    from roadlog.view.panels import Extent
+
+    if over not in ("time", "distance"):
+        raise typer.BadParameter("must be time or distance", param_hint="--over")
+    part = Extent("distance" if over == "distance" else "time", first, last, tuple(angles))
+    if first is not None and last is not None and first >= last:
+        raise typer.BadParameter(
+            f"--from {first:g} {part.unit} is not before --to {last:g} {part.unit}"
+        )
+    return part

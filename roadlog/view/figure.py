@@ -62,9 +62,14 @@ def write_figure(
         )
     if absent := [angle for angle in part.angles if angle not in view.ranges]:
         raise LogReadError(f"{view.name}: no angle '{absent[0]}'. {near(absent[0], view.ranges)}")
-    drawn = [*view.truth.values(), *view.estimates.values()]
-    if not any(part.inside(curve).any() for curves in drawn for curve in curves.values()):
-        raise LogReadError(f"{view.name}: nothing lies in the part that is asked for, {part}")
+    found = [*view.truth.values(), *view.estimates.values()]
+    drawn = [curve for curves in found for curve in curves.values()]
+    if not any(part.inside(curve).any() for curve in drawn):
+        end = max(float(np.nanmax(part.of(curve), initial=0.0)) for curve in drawn)
+        raise LogReadError(
+            f"{view.name}: nothing lies in the part that is asked for, {part}; "
+            f"the drive ends at {end:.0f} {part.unit}"
+        )
     # the same log gives the same bytes: no random ids, no date; text in an svg stays text
     with matplotlib.rc_context({"svg.hashsalt": "roadlog", "svg.fonttype": "none"}):
         figure = figure_of(view, part)

@@ -11,7 +11,7 @@ from roadlog.drive import Drive
 from roadlog.errors import ConfigError
 from roadlog.estimate import Estimate
 from roadlog.log import DriveLog
-from roadlog.metrics import TRUTH_ADVICE, AngleErrors, angle_errors
+from roadlog.metrics import TRUTH_ADVICE, AngleErrors, angle_errors, no_estimates
 from roadlog.signals import ANGLES, SLOPES, WHEELS
 from roadlog.types import Floats
 from roadlog.view import colors
@@ -270,7 +270,7 @@ def _notes(runs: Sequence[Run]) -> list[str]:
     for run in runs:
         path = run.log.path
         if not run.log.estimators:
-            notes.append(f"{path}: has no estimates yet; run `roadlog estimate {path}`")
+            notes.append(no_estimates(run.log))
         if run.truth is None:
             notes.append(f"{path}: has no truth, so no errors are shown; {TRUTH_ADVICE}")
     return notes

@@ -19,6 +19,7 @@ from roadlog.errors import MissingSignalError
 from roadlog.files import write
 from roadlog.for_viewers import DEGREES, FRAME_SCHEMA, LEVEL
 from roadlog.log import DriveLog
+from roadlog.metrics import no_estimates
 from roadlog.scratch import scratch
 from roadlog.signals import ANGLES, TRUTH_TOPIC, estimate_topic
 from roadlog.view.colors import TRUTH, colors
@@ -32,7 +33,7 @@ def write_layout(log: DriveLog, viewer: str, path: Path) -> None:
     """The layout of one log. Raises MissingSignalError for a log without angles."""
     curves = _curves(log)
     if not any(curves.values()):
-        raise MissingSignalError(f"{log.path}: has no estimates yet; run `roadlog estimate` first")
+        raise MissingSignalError(no_estimates(log))
     if viewer == "rerun":
         _rerun(log, curves, path)
         return

@@ -47,13 +47,16 @@ class Extent:
     @property
     def label(self) -> str:
         """Of the axis."""
-        return "time [s]" if self.over == "time" else "distance [m]"
+        return f"{self.over} [{self.unit}]"
+
+    @property
+    def unit(self) -> str:
+        return "s" if self.over == "time" else "m"
 
     def __str__(self) -> str:
         """The options that ask for it."""
-        unit = "s" if self.over == "time" else "m"
         ends = (("--from", self.first), ("--to", self.last))
-        return " ".join(f"{option} {end:g} {unit}" for option, end in ends if end is not None)
+        return " ".join(f"{option} {end:g} {self.unit}" for option, end in ends if end is not None)
 
     def of(self, curve: Curve | SensorPlot) -> Floats:
         """Abscissas of a curve. Raises LogReadError where the log tells no distance."""

@@ -40,6 +40,18 @@ def test_the_damage_is_said_first(words: list[str], code: int, cut: Path, roadlo
     assert sum("it is damaged" in line for line in said) == 1
 
 
+def test_estimates_behind_the_cut_are_not_called_never_made(tmp_path: Path, roadlog: Run) -> None:
+    path = tmp_path / "cut.mcap"
+    create(path, hill_tables(60.0))
+    assert roadlog("estimate", path, "-e", "kmbe").returncode == 0
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) * 2 // 3])
+    for words in (["evaluate"], ["plot", "-o", "x.png"]):
+        said = roadlog(words[0], path, *words[1:]).stderr
+        assert "what could be read holds no estimates; they lie at a log's end" in said
+        assert "yet" not in said
+
+
 def test_only_what_fusion_lacks_is_asked_for(tmp_path: Path, roadlog: Run) -> None:
     imu, wheels, truth = hill_tables()
     create(tmp_path / "still.mcap", [imu, truth])
