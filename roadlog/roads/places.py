@@ -81,7 +81,6 @@ class Places:
             there &= np.abs(np.sin(turn)) < np.sin(PARALLEL)
             there &= np.abs(self.along(xyz[:, None], index)) < ABEAM
             away[~there] = np.inf
-            away += np.where(np.cos(turn) > 0, 0.0, REACH)  # the own carriageway, if it is known
             column = away.argmin(axis=1)
             rows = np.arange(len(xyz))
             nearer = away[rows, column] < least

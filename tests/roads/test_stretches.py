@@ -134,3 +134,12 @@ def test_a_tunnel_divides_a_road_and_another_road_is_its_own() -> None:
     found = roads([blind, driven(crossing, 1)])
     assert [m.length for m in found] == pytest.approx([1110, 1050, 755], abs=15)
     assert all(m.passes.max() == 1 for m in found)
+
+
+def test_a_drive_back_keeps_to_its_leg_of_a_hairpin() -> None:
+    """The other leg lies 13 m beside and was driven the way that it goes."""
+    road = line((400, 0), (6.5 * np.pi, np.pi), (400, 0))
+    (found,) = roads([driven(road, 4), driven(road, 5, forward=False)])
+    assert found.length == pytest.approx(road.length - 40, rel=0.02)
+    assert found.both_ways
+    assert np.mean(found.passes == 2) > 0.98
