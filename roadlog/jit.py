@@ -18,6 +18,10 @@ from contextlib import contextmanager
 from functools import cache, cached_property, update_wrapper
 from typing import Any, Protocol
 
+import numpy as np
+
+from roadlog.types import Floats
+
 # a wrapper for C, which nobody calls, would be compiled as well
 OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "no_cfunc_wrapper": True}
 # what only kernels call needs neither a way in from Python nor a file of its own: a seventh of a
@@ -106,6 +110,11 @@ def compiled(function: Callable) -> Kernel:
 def reordered(function: Callable) -> Kernel:
     """A kernel whose sums may be added up in another order."""
     return Kernel(function, REORDERED)
+
+
+def argument(values: Floats) -> Floats:
+    """An array as kernels take it, in one piece and writable: any other is compiled for anew."""
+    return np.require(values, np.float64, ["C", "W"])
 
 
 def overload(stand_in: Callable) -> Callable[[Callable], Callable]:

@@ -3,15 +3,20 @@
 import ast
 import importlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import roadlog
+from roadlog import estimators
+from roadlog.estimators.wang2025 import suspension_ekf
+from roadlog.filters import kalman, ukf_loop
+from roadlog.log import DriveLog
 
 TREE = Path(roadlog.__file__).parent
+ROOT = Path(__file__).parents[1]
 MAKERS = {"compiled", "reordered", "njit"}
 ARRAYS = {"Floats", "Bools"}
 # of numpy: functions of numbers, constants, types, and arrays that begin empty
@@ -151,3 +156,20 @@ def test_what_was_kept_and_cannot_be_read_is_compiled_anew(tmp_path, monkeypatch
         half = index if "index" in spoiled else code
         half.write_bytes(half.read_bytes()[: half.stat().st_size // 2])
     assert fresh("Newer" if spoiled == "an older type" else "Old") == 42.0
+
+
+def test_a_kernel_is_compiled_once_whoever_owns_its_arrays() -> None:
+    """Columns of a log may not be written; numba takes them for another type."""
+    log = DriveLog(ROOT / "sample_logs/hill.mcap")
+    for name in ("kmbe", "ekf_suspension", "debe"):
+        estimators.run(name, log.drive(), log.vehicle)
+    for kernel in (kalman._filter, kalman._smooth, suspension_ekf._filter, ukf_loop._compiled):
+        assert not any(map(any_read_only, kernel.dispatcher.overloads))
+
+
+def any_read_only(types: Iterable) -> bool:
+    """Whether one of numba's types, or one in a tuple of them, is an array not to be written."""
+    return any(
+        (hasattr(kind, "ndim") and not kind.mutable) or any_read_only(getattr(kind, "types", ()))
+        for kind in types
+    )

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadlog.filters import Engine
-from roadlog.jit import compiled
+from roadlog.jit import argument, compiled
 from roadlog.types import Floats
 
 
@@ -72,7 +72,7 @@ def rts_smoother(
 
 def _arrays(model: LinearModel) -> tuple[Floats, ...]:
     parts = (model.x0, model.P0, model.F, model.Q, model.H, model.R, model.u, model.z)
-    return tuple(np.ascontiguousarray(part, np.float64) for part in parts)
+    return tuple(argument(part) for part in parts)
 
 
 @compiled

@@ -24,7 +24,7 @@ from roadlog.filters.ukf import (
     restart_state,
     sigma_points,
 )
-from roadlog.jit import compiled, loaded, overload
+from roadlog.jit import argument, compiled, loaded, overload
 from roadlog.types import Bools, Floats
 
 
@@ -79,8 +79,8 @@ def track(
     sd = np.empty((len(z), equations.outputs))
     states, m = len(tune.P0), z.shape[1]
     sizes = padded(max(states, m)), padded(2 * states + 1)
-    z, start = np.ascontiguousarray(z), np.ascontiguousarray(start)
-    x, repaired = _compiled(model, z, start, frozen, tune, equations.angle, sd, *sizes)
+    given = model, argument(z), argument(start), frozen, tune
+    x, repaired = _compiled(*given, equations.angle, sd, *sizes)
     return UkfTrack(x, sd, repaired)
 
 

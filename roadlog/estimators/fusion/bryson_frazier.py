@@ -42,7 +42,7 @@ from roadlog.estimators.fusion.recursion import (
 from roadlog.estimators.fusion.rows import is_there
 from roadlog.estimators.fusion.states import DRIVEN, DRIVERS, ROWS, W_THETA, N
 from roadlog.estimators.fusion.steps import STEP, Steps, table
-from roadlog.jit import compiled
+from roadlog.jit import argument, compiled
 from roadlog.types import Floats, Record, Records
 
 TABLE = 4096  # steps whose records are made at once (1.5 MB); whole pieces
@@ -192,7 +192,7 @@ class _Filter:
 
     def __init__(self, steps: Steps, noise: Noise, P0: Floats, at: Floats) -> None:
         self.steps, self.every, self.noise = steps, noise.every, noise.record(steps.dt)
-        self.P0, self.at = P0, np.ascontiguousarray(at)
+        self.P0, self.at = P0, argument(at)
         self.x, self.P = steps.starts[0].copy(), np.zeros((N, WIDTH))
         self.P[:, :N] = P0
         self.piece = Piece.empty()

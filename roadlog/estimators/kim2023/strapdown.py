@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roadlog.filters import Engine
-from roadlog.jit import compiled
+from roadlog.jit import argument, compiled
 from roadlog.types import Floats
 
 SMALL_TURN = 1e-9  # rad, below this sin(x)/x is 1
@@ -88,7 +88,7 @@ def dead_reckon(
     m. trapezoid: means of neighboring samples; else the paper's rectangle.
     """
     loop = _dead_reckon if engine == "compiled" else _dead_reckon.py_func
-    samples = np.ascontiguousarray(force), np.ascontiguousarray(rate)
+    samples = argument(force), argument(rate)
     rows, end = loop(*samples, step, start, distance, trapezoid)
     return StrapdownPath(*rows[:end].T)
 

@@ -25,6 +25,7 @@ from roadlog.estimators.wang2025.suspension_ekf import (
 )
 from roadlog.filters import Engine
 from roadlog.filters.gaps import age
+from roadlog.jit import argument
 from roadlog.types import Bools, Floats
 
 DAMPING = 0.3  # -, of critical, where the vehicle file gives none
@@ -165,9 +166,9 @@ def suspension_model(
         x0=np.array([speed[known[0]] if len(known) else 0.0, 0.0, 0.0, 0.0]),
         P0=np.diag([0.1**2, 1.0**2, 0.1**2, 0.02**2]),
         gate=params.gate,
-        speed=np.ascontiguousarray(speed, np.float64),
-        accel=np.ascontiguousarray(accel, np.float64),
-        force=np.ascontiguousarray(force, np.float64),
+        speed=argument(speed),
+        accel=argument(accel),
+        force=argument(force),
     )
 
 

@@ -39,7 +39,7 @@ class SuspensionModel(NamedTuple):
     """State x = [v, a = dv/dt + g sin(grade), grade, pitch]; SI and rad.
 
     body_mount: the accelerometer is on the body, else along the road. Q, R: diagonals. speed,
-    accel, force (N,): measured, NaN where unknown; contiguous.
+    accel, force (N,): measured, NaN where unknown.
     """
 
     car: PitchingCar
