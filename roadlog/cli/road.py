@@ -72,7 +72,7 @@ def road(
     with life.working(f"merging {console.plural(len(passes), 'drive')}"):
         models = roads(passes, out.stem)
     models = _parts(models, passes, first, last)
-    _put([m if step == STEP else m.refined(step) for m in models], passes, outputs, slope, force)
+    _put([_stepped(model, step) for model in models], passes, outputs, slope, force)
     if failed:
         raise typer.Exit(console.LOSS)
 
@@ -114,6 +114,13 @@ def _parts(
                 raise
             console.complain(f"warning: left out: {error}")
     return parts
+
+
+def _stepped(model: RoadModel, step: float) -> RoadModel:
+    """With points about every `step` m, so that the last is the road's end."""
+    if step == STEP:
+        return model
+    return model.refined(model.length / max(1, round(model.length / step)))
 
 
 def _no_road(passes: list[Pass]) -> str:

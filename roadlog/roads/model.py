@@ -95,7 +95,8 @@ class RoadModel:
         """
         from scipy.interpolate import CubicHermiteSpline
 
-        s: Floats = self.s[0] + step * np.arange(int(self.length / step) + 1)
+        s: Floats = self.s[0] + step * np.arange(int(self.length / step + 1e-9) + 1)
+        s = np.minimum(s, self.s[-1])  # rounding must not take its end away
         x, y = (
             CubicHermiteSpline(self.s, place, wave(self.heading))
             for place, wave in ((self.x, np.cos), (self.y, np.sin))
@@ -147,9 +148,10 @@ class RoadModel:
         if last is not None:
             inside &= self.s <= last
         if inside.sum() < 2:
+            here = f"from {first or 0:.0f} m" + ("" if last is None else f" to {last:.0f} m")
             raise ConfigError(
-                f"{self.name}: no road between {first or 0:.0f} m and "
-                f"{self.length if last is None else last:.0f} m; it has {self.length:.0f} m"
+                f"{self.name}: no road is left {here}: it is {self.length:.0f} m long, with points "
+                f"every {np.median(np.diff(self.s)):.1f} m, and two are the least"
             )
         part: dict[str, Any] = {name: column[inside] for name, column in self.columns().items()}
         return replace(self, **part)

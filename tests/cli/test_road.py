@@ -68,7 +68,7 @@ def test_circles_on_a_car_park_are_no_road_and_say_so(roadlog: Run, tmp_path: Pa
     [
         (("blind.mcap", "-e", "ti", "-o", "x.csv"), "no road: 1 log left out"),
         (("there.mcap", "-e", "ti", "-o", "x.png"), "a road file ends with"),
-        (("there.mcap", "-e", "ti", "-o", "x.csv", "--from", "900"), "no road between"),
+        (("there.mcap", "-e", "ti", "-o", "x.csv", "--from", "900"), "no road is left from 900 m"),
         (("missing.mcap", "-o", "x.csv"), "no such file"),
     ],
 )

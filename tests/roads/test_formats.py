@@ -150,13 +150,20 @@ XODR = """<?xml version="1.0"?><OpenDRIVE><header revMajor="1" revMinor="4">
 <geoReference><![CDATA[{geo}]]></geoReference>
 </header><road id="1" length="100"><planView>{plan}</planView>
 <elevationProfile>{elevation}</elevationProfile><lateralProfile>{lateral}</lateralProfile>
-</road>{more}</OpenDRIVE>"""
+<userData code="roadlog" value="">{user}</userData></road>{more}</OpenDRIVE>"""
 LINE = '<geometry s="0" x="0" y="0" hdg="0" length="100"><line/></geometry>'
 FLAT = '<elevation s="0" a="5" b="0.05" c="0" d="0"/>'
 
 
 def xodr(tmp_path: Path, **parts: str) -> Path:
-    parts = {"plan": LINE, "elevation": FLAT, "lateral": "", "more": "", "geo": GEO} | parts
+    parts = {
+        "plan": LINE,
+        "elevation": FLAT,
+        "lateral": "",
+        "more": "",
+        "geo": GEO,
+        "user": "",
+    } | parts
     path = tmp_path / "other.xodr"
     path.write_text(XODR.format(**parts))
     return path
@@ -193,6 +200,31 @@ def test_a_normalized_cubic(tmp_path: Path) -> None:
     )
     road = formats.read(xodr(tmp_path, plan=plan))
     np.testing.assert_allclose(road.x, road.s, atol=1e-9)
+
+
+def test_a_normalized_cubic_that_runs_unevenly_keeps_its_stations(tmp_path: Path) -> None:
+    """u = 20 p + 80 p^2: stations go by the way, not by p."""
+    zero = " ".join(f'{name}="0"' for name in ("aU", "dU", "aV", "bV", "cV", "dV"))
+    cubic = f'<paramPoly3 pRange="normalized" bU="20" cU="80" {zero}/>'
+    road = formats.read(xodr(tmp_path, plan=LINE.replace("<line/>", cubic)))
+    np.testing.assert_allclose(road.x, road.s, atol=0.001)
+
+
+def test_an_encoding_that_none_knows_is_said(tmp_path: Path) -> None:
+    path = xodr(tmp_path)
+    path.write_text(path.read_text().replace('"1.0"?', '"1.0" encoding="klingon"?'))
+    with pytest.raises(LogReadError, match=r"other\.xodr: .*klingon"):
+        formats.read(path)
+
+
+@pytest.mark.parametrize("ending", [".geojson", ".gpx"])
+def test_maps_are_no_roads_to_be_read(road: RoadModel, tmp_path: Path, ending: str) -> None:
+    from roadlog.ingest.reference import reference
+
+    formats.write(road, tmp_path / f"road{ending}")
+    for reader in (formats.read, lambda path: reference(path, [])):
+        with pytest.raises(ConfigError, match="is written, and holds no road"):
+            reader(tmp_path / f"road{ending}")
 
 
 def test_a_crown_is_no_bank(tmp_path: Path) -> None:
@@ -322,6 +354,31 @@ BAD = {
     "jump": ({"plan": LINE + LINE.replace('s="0" x="0"', 's="100" x="104"')}, "4.00 m away"),
     "late height": ({"elevation": FLAT.replace('s="0"', 's="30"')}, "begins at s = 30 m"),
     "degrees": ({"geo": "+proj=longlat +datum=WGS84"}, "no projection to meters"),
+    "steep": ({"elevation": FLAT.replace('b="0.05"', 'b="9"')}, "<elevation>"),
+    "step": ({"elevation": FLAT + FLAT.replace('s="0" a="5"', 's="50" a="90"')}, "jumps .82.*49 m"),
+    "bank in deg": ({"lateral": RIGHT.replace("0.02", "4")}, "<crossfall>: is .114.6 deg"),
+    "side": ({"lateral": RIGHT.replace("right", "up")}, "side = 'up'"),
+    "kink": (
+        {
+            "plan": LINE
+            + LINE.replace('s="0" x="0"', 's="100" x="100"').replace('hdg="0"', 'hdg="2.5"')
+        },
+        "turns at once",
+    ),
+    "on the spot": ({"plan": LINE.replace("<line/>", '<arc curvature="1000"/>')}, "do not agree"),
+    "range": ({"plan": LINE.replace("<line/>", '<paramPoly3 pRange="x"/>')}, "pRange = 'x'"),
+    "half a spiral": ({"plan": LINE.replace("<line/>", '<spiral curvStart="0"/>')}, "curvEnd"),
+    "millimeter": ({"plan": LINE.replace('length="100"', 'length="0.001"')}, "too short"),
+    "off the earth": ({"geo": GEO.replace("lat_0=47", "lat_0=95")}, "not on earth"),
+    "far away": ({"plan": LINE.replace('x="0"', 'x="1e12"')}, "not on earth"),
+    "user data": (
+        {"more": "", "lateral": "", "plan": LINE, "user": '<point s="a"/>'},
+        "<point> of <userData>",
+    ),
+    "user data back": (
+        {"user": '<point s="9" z_sd="1"/><point s="2" z_sd="1"/>'},
+        "s does not ascend",
+    ),
     "gibberish": ({"geo": "somewhere nice"}, "is no projection"),
 }
 
@@ -407,6 +464,10 @@ def test_a_grade_that_is_not_known_everywhere(road: RoadModel, tmp_path: Path, e
         ("", "without rows"),
         ("48,9,nan\n48.01,9,nan\n", "grade_rad"),
         ("480,9,0\n481,9,0\n", "latitude"),
+        ("48,9,5\n48.0001,9,5\n", r"grade_rad: is \(286"),
+        ("48,9,0\n48.0001,9,inf\n", "grade_rad: is .inf"),
+        ("48,9,0\nx,9,0\n", "row 1, column 1"),
+        ("48,9,0\n48.1\n", "columns changed"),
     ],
 )
 def test_tables_that_are_no_road(tmp_path: Path, rows: str, words: str) -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from roadlog.storage import Table
 
-ROADS = (".xodr", ".crg", ".parquet")
 TERRAIN = (".tif", ".tiff", ".vrt", ".hgt", ".asc")
 
 
@@ -26,7 +25,7 @@ def reference(source: str | Path, tables: Sequence[Table]) -> tuple[Table, list[
     ending = path.suffix.lower()
     if ending in TERRAIN:
         return dem.from_dem(path, tables)
-    if ending in ROADS or (ending == ".csv" and formats.is_road_table(path)):
+    if ending in formats.MODULES and (ending != ".csv" or formats.is_road_table(path)):
         model = formats.read(path)
         return road.from_road(model, tables), list(model.notes)
     return survey.from_table(path, tables), []

@@ -8,6 +8,7 @@ from types import ModuleType
 
 from roadlog import files
 from roadlog.errors import ConfigError, LogReadError
+from roadlog.roads.formats.check import driveable
 from roadlog.roads.model import RoadModel
 
 # ending -> the module that writes it, and reads it where it has `read`
@@ -41,7 +42,7 @@ def read(path: Path) -> RoadModel:
         model: RoadModel = module.read(path)
     except ConfigError as error:  # stations that do not ascend
         raise LogReadError(f"{path}: {error}") from error
-    return model
+    return driveable(path, model)
 
 
 def is_road_table(path: Path) -> bool:
@@ -65,5 +66,7 @@ def _module(path: Path, known: tuple[str, ...]) -> ModuleType:
     ending = path.suffix.lower()
     if ending not in known:
         hint = "; --plot FILE draws it" if ending in (".png", ".svg", ".pdf") else ""
+        if ending in MODULES:
+            hint = " (that is for maps: it is written, and holds no road to be read again)"
         raise ConfigError(f"{path}: a road file ends with {', '.join(known)}, not '{ending}'{hint}")
     return import_module(f"{__name__}.{MODULES[ending]}")

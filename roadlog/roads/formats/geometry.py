@@ -151,10 +151,18 @@ def _param_poly3(
     kind = element.get("pRange", "normalized")
     if kind not in ("arcLength", "normalized"):
         raise LogReadError(f"{where}: <paramPoly3> pRange = {kind!r}: arcLength or normalized")
-    p = at / length if kind == "normalized" else at
+    p = _by_way(where, element, at / length) if kind == "normalized" else at
     u, du = _cubic(where, element, "U", p)
     v, dv = _cubic(where, element, "V", p)
     return u, v, np.unwrap(np.arctan2(dv, du))
+
+
+def _by_way(where: str, element: ET.Element, share: Floats) -> Floats:
+    """Parameter in [0, 1] at shares of the curve's own length: it need not run evenly."""
+    p = np.linspace(0.0, 1.0, 20 * len(share) + 1)
+    u, v = (_cubic(where, element, axis, p)[0] for axis in "UV")
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(u), np.diff(v)))])
+    return np.interp(share * way[-1], way, p)
 
 
 def _cubic(where: str, element: ET.Element, axis: str, p: Floats) -> tuple[Floats, Floats]:

@@ -16,6 +16,7 @@ from roadlog.roads.formats.geometry import ReferenceLine, number
 from roadlog.roads.model import SOMEWHERE
 from roadlog.types import Floats
 
+FARTHEST = 2e7  # m from a projection's origin: half around the earth
 AHEAD = 1.0  # m along the line, by which its heading is carried into another projection
 
 
@@ -41,7 +42,12 @@ def placed(path: Path, root: ET.Element, line: ReferenceLine, z: Floats) -> Plac
     text = " ".join((root.findtext("header/geoReference") or "").split())
     if not text:
         return Placed(SOMEWHERE, x, y, z, heading, False)
+    far = max(float(np.abs(x).max()), float(np.abs(y).max()))
+    if far > FARTHEST:
+        raise LogReadError(f"{path}: <planView>: {far:.3g} m from the origin are not on earth")
     own = _own(text)
+    if own is not None and (abs(own[0]) > 90 or abs(own[1]) > 360):
+        raise LogReadError(f"{path}: <geoReference> {text[:80]!r}: lat_0, lon_0 are not on earth")
     if own is not None:
         return Placed(own, x, y, z, heading, True)
     crs = _crs(path, text)
@@ -86,12 +92,14 @@ def _own(text: str) -> tuple[float, float] | None:
 
 def _crs(path: Path, text: str) -> Any:
     try:
+        from rasterio import Env
         from rasterio.crs import CRS
         from rasterio.errors import CRSError
     except ImportError as error:
         raise MissingExtraError(f"a road in {text[:40]!r}", "dem") from error
     try:
-        crs = CRS.from_string(text)
+        with Env():  # else GDAL prints its errors by itself
+            crs = CRS.from_string(text)
     except CRSError as error:
         raise LogReadError(f"{path}: <geoReference> {text[:80]!r}: is no projection") from error
     if not crs.is_projected:
@@ -101,7 +109,9 @@ def _crs(path: Path, text: str) -> Any:
 
 def _on_earth(crs: Any, x: Floats, y: Floats) -> tuple[Floats, Floats]:
     """Latitude and longitude in deg of projected places."""
+    from rasterio import Env
     from rasterio.warp import transform
 
-    longitude, latitude = transform(crs, "EPSG:4326", x.tolist(), y.tolist())[:2]
+    with Env():
+        longitude, latitude = transform(crs, "EPSG:4326", x.tolist(), y.tolist())[:2]
     return np.array(latitude), np.array(longitude)

@@ -21,6 +21,7 @@ LANE_WIDTH = 3.5  # m, of the one lane to each side: a road model does not know 
 READ_STEP = 1.0  # m, at which a file's road is sampled
 LATEST_START = 1.0  # m into the road, that its elevation may begin
 LEAST_CROWN = 0.01  # deg, that is said
+SIDES = ("left", "right", "both")  # of a crossfall
 CODE = "roadlog"  # of the user data that holds the sds
 
 
@@ -150,7 +151,7 @@ def read(path: Path) -> RoadModel:
     """
     try:
         root = ET.parse(path).getroot()
-    except (ET.ParseError, OSError, ValueError) as error:
+    except (ET.ParseError, OSError, ValueError, LookupError) as error:
         raise LogReadError(f"{path}: not read as OpenDRIVE: {error}") from error
     for element in root.iter():  # some writers put all names into a namespace
         element.tag = element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
@@ -172,7 +173,7 @@ def read(path: Path) -> RoadModel:
     return road_of(
         path.stem, place.origin, place.x, place.y, place.z, grade=np.arctan(slope), bank=bank,
         heading=place.heading, s=line.s, notes=(*notes, *_left_out(road)), placed=place.is_known,
-        **_user_data(road, line.s),
+        **_user_data(path, road, line.s),
     )  # fmt: skip
 
 
@@ -211,6 +212,10 @@ def _profile(
     """
     records = road.findall(name)
     if side is not None:
+        for record in records:
+            if record.get("side", "both") not in SIDES:
+                told = record.get("side")
+                raise LogReadError(f"{path}: <{record.tag}> side = {told!r}: {', '.join(SIDES)}")
         records = [r for r in records if r.get("side", "both") in (side, "both")]
     if not records:
         return None, None
@@ -234,16 +239,22 @@ def _profile(
     return np.where(at < 0, before, value), np.where(at < 0, 0.0, slope)
 
 
-def _user_data(road: ET.Element, s: Floats) -> dict[str, Floats]:
-    """The sds that roadlog wrote."""
+def _user_data(path: Path, road: ET.Element, s: Floats) -> dict[str, Floats]:
+    """The sds that roadlog wrote; NaN where they are unknown. Raises LogReadError."""
     for user in road.findall("userData"):
         points = user.findall("point")
         if user.get("code") == CODE and points:
-            at = np.array([float(p.get("s", "nan")) for p in points])
-            return {
-                name: np.interp(s, at, [float(p.get(name, "nan")) for p in points])
-                for name in ("grade_sd", "bank_sd", "z_sd")
-            }
+            try:
+                at, *sds = (
+                    np.array([float(p.get(name, "nan")) for p in points])
+                    for name in ("s", "grade_sd", "bank_sd", "z_sd")
+                )
+            except ValueError as error:
+                raise LogReadError(f"{path}: <point> of <userData>: {error}") from error
+            if not np.all(np.diff(at) > 0):
+                raise LogReadError(f"{path}: <point> of <userData>: s does not ascend")
+            named = zip(("grade_sd", "bank_sd", "z_sd"), sds, strict=True)
+            return {name: np.interp(s, at, sd) for name, sd in named}
     return {}
 
 

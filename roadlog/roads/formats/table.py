@@ -30,7 +30,6 @@ HEADINGS = {
     "bank_common_sd_rad": "bank_common_sd",
     "passes": "passes",
 }
-STEEPEST = 0.8  # rad; no road that a car drives
 NEEDED = ("latitude_deg", "longitude_deg", "grade_rad")
 
 
@@ -78,8 +77,8 @@ def read(path: Path) -> RoadModel:
             raise LogReadError(
                 f"{path}: {name}: needs two rows or more, all numbers within {limit:g}"
             )
-    if not (np.abs(table["grade_rad"]) <= STEEPEST).any():
-        raise LogReadError(f"{path}: grade_rad: no slope of a road in rad (0.8 is 45 deg)")
+    if not np.isfinite(table["grade_rad"]).any():
+        raise LogReadError(f"{path}: grade_rad: is known nowhere")
     middle = float(np.median(latitude)), float(longitude[len(longitude) // 2])
     x, y = TransverseMercator(*middle).forward(latitude, longitude)
     given = {a: table[h] for h, a in HEADINGS.items() if h in table}
