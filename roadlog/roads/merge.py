@@ -24,13 +24,16 @@ REACH = 25.0  # m from the line that a pass of the stretch may lie
 STRAY, STRAY_SHARE = 20.0, 0.03  # m and of a run's length, that its stations may be off the way
 TAPER = 100.0  # m at a run's ends over which it gains weight, so that the line does not jump
 LINE_BAND = 10.0  # m, wavelength that the smoothing halves; 30 would turn bends by 1 deg rms
-GRADE_BAND = 30.0  # m, the same of the grade: errors of the turn are shorter, hills are longer
+GRADE_BAND = 40.0  # m, the same of the grade: errors of the turn are shorter, hills are longer
+RIPPLE_SHARE = 0.5  # of the ripple taken off the grade, that may have been the road's
+BANK_BAND = 15.0  # m, the same of the bank: its transitions are longer
 OFFSET_BAND = 5.0  # m, sd of the Gaussian over the passes' mean offset
 APART = 1.5  # m between the directions' middles, beyond which a crown looks like a mounting
 WANDERING = (
     0.2  # of a pass's lateral wandering that is the car's (0.5 m sd) and not the fixes' (1 m)
 )
 ALTITUDE_SD = 2.0  # m, of one receiver's altitude
+ANTENNA_SD = 0.3  # m, of a receiver's height above the road, which does not average away
 ALTITUDE_REACH = 3000.0  # m, over which its error is one: minutes, as of the ionosphere
 PLACE_SD = 0.55  # m, of one drive's place, along and across the road
 
@@ -229,8 +232,12 @@ def _combined(line: RoadModel, laid: Sequence[_Laid], owners: Sequence[Pass]) ->
         z=z,
         z_sd=z_sd,
         grade=slope,
-        bank=np.arctan(bank.value * np.cos(slope)),
-        grade_sd=np.hypot(grade.sd * np.cos(slope) ** 2, _moved(line, told, slope, bank_tangent)),
+        bank=np.arctan(_without_ripple(line.s, bank.value, BANK_BAND) * np.cos(slope)),
+        grade_sd=np.sqrt(
+            (grade.sd * np.cos(slope) ** 2) ** 2
+            + _moved(line, told, slope, bank_tangent) ** 2
+            + _smoothed_away(grade.value - tangent) ** 2
+        ),
         grade_common_sd=grade.common_sd * np.cos(slope) ** 2,
         bank_sd=np.hypot(bank.sd, _moved(line, told, bank_tangent)),
         bank_common_sd=bank.common_sd,
@@ -249,6 +256,16 @@ def _moved(line: RoadModel, drives: NDArray[np.int64], *slopes: Floats) -> Float
     """
     changes = [np.nan_to_num(np.gradient(values, line.s)) for values in slopes]
     return np.sqrt(np.sum(np.square(changes), axis=0)) * PLACE_SD / np.sqrt(np.maximum(drives, 1))
+
+
+def _smoothed_away(ripple: Floats) -> Floats:
+    """rad, sd of the road in a ripple that was taken off as noise: half of it, over GRADE_BAND."""
+    from scipy.ndimage import gaussian_filter1d
+
+    known = np.isfinite(ripple)
+    own = np.square(np.where(known, ripple - np.mean(ripple[known]), 0.0)) if known.any() else 0.0
+    reach = 0.5 * GRADE_BAND / STEP
+    return RIPPLE_SHARE * np.sqrt(gaussian_filter1d(own * np.ones(len(ripple)), reach))
 
 
 def _turned(
@@ -311,7 +328,7 @@ def _heights(
 
     Both lean towards the altitudes by as much as these know the mean slope better.
     """
-    tangent = _without_ripple(line.s, grade.value)
+    tangent = _without_ripple(line.s, grade.value, GRADE_BAND)
     told = np.isfinite(tangent)
     rise = np.interp(line.s, line.s[told], tangent[told]) if told.any() else np.zeros(len(line))
     z = np.concatenate([[0.0], np.cumsum(0.5 * (rise[1:] + rise[:-1]) * np.diff(line.s))])
@@ -333,11 +350,12 @@ def _heights(
     sd = ALTITUDE_SD / np.sqrt(np.median(weight))
     lean_sd = sd * np.sqrt(12 / max(1.0, span / ALTITUDE_REACH)) / span
     lean *= grade.whole_sd**2 / (grade.whole_sd**2 + lean_sd**2)
-    return tangent + lean, z + level + lean * (line.s - middle), sd * np.ones(len(z))
+    z_sd = np.full(len(z), np.hypot(sd, ANTENNA_SD))
+    return tangent + lean, z + level + lean * (line.s - middle), z_sd
 
 
-def _without_ripple(s: Floats, slope: Floats) -> Floats:
-    """A slope, NaN where unknown, without the waves that GRADE_BAND halves."""
+def _without_ripple(s: Floats, slope: Floats, band: float) -> Floats:
+    """A slope, NaN where unknown, without the waves below `band` m, which is halved."""
     from scipy.interpolate import make_smoothing_spline
 
     known = np.isfinite(slope)
@@ -345,7 +363,7 @@ def _without_ripple(s: Floats, slope: Floats) -> Floats:
         return slope
     spacing = np.ptp(s) / (len(s) - 1)
     filled = np.interp(s, s[known], slope[known])
-    smooth = make_smoothing_spline(s, filled, lam=(GRADE_BAND / (2 * np.pi)) ** 4 / spacing)(s)
+    smooth = make_smoothing_spline(s, filled, lam=(band / (2 * np.pi)) ** 4 / spacing)(s)
     return np.where(known, smooth, np.nan)
 
 

@@ -15,6 +15,7 @@ from roadlog.estimate import Estimate
 from roadlog.roads.way import STEP, way_of
 from roadlog.types import Floats
 
+ANTENNA_HEIGHT = 1.3  # m above the road, where unknown: a phone's holder 1.1, a roof 1.5
 SHAPE_SHARE = 0.5  # of an sd, for changes along the road, where the estimator does not say
 
 
@@ -23,9 +24,9 @@ class Pass:
     """One drive, a point every `STEP` of horizontal distance; (n,) each.
 
     car: drives with the same text share the IMU's mounting. distance: m. latitude, longitude: deg;
-    altitude: m, NaN where unknown. course: rad, of the way, counterclockwise from east; heading:
-    rad, of the car. grade, bank: rad, in the car's axes; bank may be NaN. *_sd: rad, in all;
-    *_shape_sd: rad, of what changes along the road, a constant offset left out.
+    altitude: m, of the road, NaN where unknown. course: rad, of the way, counterclockwise from
+    east; heading: rad, of the car. grade, bank: rad, in the car's axes; bank may be NaN. *_sd: rad,
+    in all; *_shape_sd: rad, of what changes along the road, a constant offset left out.
     """
 
     name: str
@@ -84,6 +85,14 @@ def car_of(vehicle: Vehicle) -> str:
     return f"{vehicle.name} {mount if mount is not None else ''}".strip()
 
 
+def antenna_of(vehicle: Vehicle) -> tuple[float, float, float]:
+    """m, ahead and left of the car's CG and above the road; at the CG's place where unknown."""
+    if vehicle.antenna_position is None:
+        return 0.0, 0.0, ANTENNA_HEIGHT
+    ahead, left, up = vehicle.antenna_position
+    return ahead, left, vehicle.cg_height + up
+
+
 def pass_of(
     drive: Drive, estimate: Estimate, vehicle: Vehicle | None = None, name: str = ""
 ) -> Pass | None:
@@ -101,8 +110,7 @@ def pass_of(
     if not usable.any():
         return None
     slope = np.interp(drive.time, time[usable], columns["grade"][usable])
-    antenna = (vehicle or Vehicle()).antenna_position or (0.0, 0.0, 0.0)
-    way = way_of(drive, slope, _inclination(drive, estimate), antenna)
+    way = way_of(drive, slope, _inclination(drive, estimate), antenna_of(vehicle or Vehicle()))
     if way is None:
         return None
     known = usable & way.near(time)

@@ -33,7 +33,8 @@ class Way:
 
     distance: m, horizontal. x, y: m, of the vehicle's reference point. course: rad, of the
     antenna's way; heading: rad, of the car; both unwrapped, counterclockwise from east.
-    altitude: time in s and height in m of the fixes that have one. fixed: s, times of all.
+    altitude: time in s and the road's height in m at the fixes that have one. fixed: s, times
+    of all.
     """
 
     plane: TransverseMercator
@@ -60,7 +61,7 @@ def way_of(
     """The way of a drive; None with fewer than two fixes on the move.
 
     slope, inclination: rad, of the road and of the car, on the drive's clock. antenna: m, ahead
-    of and left of the vehicle's reference point, and above it.
+    of and left of the vehicle's reference point, and above the road.
     """
     fixes = _Fixes.of(drive, receiver_delay(drive, inclination))
     if fixes is None:
@@ -72,7 +73,7 @@ def way_of(
     speed = _held_speed(drive, wheels, fixes)
     distance = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))]) * drive.dt
     x, y = _reckoned(drive.time, distance, course, fixes)
-    ahead, left, _ = antenna
+    ahead, left, up = antenna
     return Way(
         plane=fixes.plane,
         distance=distance,
@@ -80,7 +81,7 @@ def way_of(
         y=y - ahead * np.sin(heading) - left * np.cos(heading),
         course=course,
         heading=heading,
-        altitude=fixes.heights,
+        altitude=fixes.heights and (fixes.heights[0], fixes.heights[1] - up),
         fixed=fixes.time,
     )
 

@@ -49,8 +49,10 @@ def road_figure(
     truth: RoadModel | None = None,
     slope: str = "deg",
 ) -> Figure:
-    """The figure itself, for notebooks. truth: a road to draw beside it, by station. slope: deg or
-    percent, of grade and bank."""
+    """The figure itself, for notebooks.
+
+    truth: a road to draw beside it, by its stations. slope: deg or percent, of grade and bank.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, 0.9 + 3 * ROW), layout="constrained")
@@ -62,7 +64,8 @@ def road_figure(
     unit = "%" if in_percent else "°"
     for own in passes:
         _drive(axes, model, own, in_percent)
-    axes[0].plot([], [], color=DRIVE, lw=0.6, label="drives, as estimated in the car")
+    axes[0].plot([], [], color=DRIVE, lw=0.6, label="drives, turned into the road's axes")
+    axes[2].plot([], [], color=DRIVE, lw=0.6, label="receivers' altitudes")
     rows = (
         ("grade", *_shown(model.grade, model.grade_sd, in_percent), f"grade [{unit}]"),
         ("bank", *_shown(model.bank, model.bank_sd, in_percent), f"bank [{unit}]"),

@@ -8,6 +8,7 @@ import numpy as np
 from support.drives import EPOCH_NS, table
 from support.mountain_road import HOME
 
+from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.geo import TransverseMercator
@@ -70,3 +71,18 @@ def test_an_estimate_without_an_sd_or_a_drive_without_places_has_no_pass() -> No
     stamps = EPOCH_NS + np.arange(600) * 10**8
     blind = Drive.from_tables([table("speed", stamps, {"v": np.full(600, SPEED)})])
     assert pass_of(blind, estimate_of(blind)) is None
+
+
+def test_altitudes_are_the_roads_and_not_the_antennas() -> None:
+    t = np.arange(0.0, 30.0, 0.1)
+    stamps = EPOCH_NS + np.round(t * 1e9).astype(np.int64)
+    latitude, longitude = TransverseMercator(*HOME).inverse(SPEED * t, np.zeros(len(t)))
+    above = {"latitude": latitude, "longitude": longitude, "altitude": np.full(len(t), 502.0)}
+    drive = Drive.from_tables(
+        [table("speed", stamps, {"v": np.full(len(t), SPEED)}), table("gnss", stamps, above)]
+    )
+    car = Vehicle(cg_height=0.6, antenna_position=(0.0, 0.0, 1.0))
+    for vehicle, height in ((car, 500.4), (Vehicle(), 500.7)):
+        found = pass_of(drive, estimate_of(drive), vehicle)
+        assert found is not None
+        np.testing.assert_allclose(found.altitude, height)
