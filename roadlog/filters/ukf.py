@@ -170,6 +170,38 @@ def correct(
 
 
 @compiled
+def correct_linear(
+    x: Floats, P: Floats, z: Floats, predicted: Floats, H: Floats, R: Floats, work: Floats
+) -> None:
+    """The same where no measurement is curved in the state, one after the other, without points.
+
+    predicted (m,): what x would measure. H (m, padded): its derivative. R as of `correct`. work
+    (2 or more, padded): scratch, whose second row must begin with x.
+    """
+    n, width = len(x), P.shape[1]
+    Ph, before = work[0], work[1]
+    for row in range(len(z)):
+        if not np.isfinite(z[row]):
+            continue
+        residual, s = z[row] - predicted[row], R[row]
+        for k in range(width):
+            Ph[k] = 0.0
+        for i in range(n):
+            h = H[row, i]
+            if h != 0.0:
+                residual -= h * (x[i] - before[i])
+                for k in range(width):
+                    Ph[k] += h * P[i, k]
+        for i in range(n):
+            s += H[row, i] * Ph[i]
+        for i in range(n):
+            gain = Ph[i] / s
+            x[i] += gain * residual
+            for k in range(width):
+                P[i, k] -= gain * Ph[k]
+
+
+@compiled
 def keep_upright(x: Floats, P: Floats, i: int, variance: float) -> None:
     """Start an angle anew that bad input drove beyond the vertical, where its sine folds back."""
     if abs(x[i]) > np.pi / 2:

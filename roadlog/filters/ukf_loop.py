@@ -17,6 +17,7 @@ import numpy as np
 from roadlog.filters import Engine
 from roadlog.filters.ukf import (
     correct,
+    correct_linear,
     keep_upright,
     mean_and_covariance,
     padded,
@@ -47,11 +48,13 @@ class UkfTrack(NamedTuple):
 
 class Equations(NamedTuple):
     """process(model, x, k, y): the state one step on into y. measure(model, x, k, z): all rows into
-    z. spread(model, P, sd): standard deviations into sd; outputs: their number. angle: state that
-    must stay below the vertical, -1 for none."""
+    z. slopes(model, k, H): their derivatives into H (rows, padded), NaN in the first column of a
+    row that is curved in the state. spread(model, P, sd): standard deviations into sd; outputs:
+    their number. angle: state that must stay below the vertical, -1 for none."""
 
     process: Callable
     measure: Callable
+    slopes: Callable
     spread: Callable
     outputs: int
     angle: int
@@ -92,6 +95,10 @@ def _measure(model: Any, x: Floats, k: int, z: Floats) -> None:
     raise NotImplementedError
 
 
+def _slopes(model: Any, k: int, H: Floats) -> None:
+    raise NotImplementedError
+
+
 def _spread(model: Any, P: Floats, sd: Floats) -> None:
     raise NotImplementedError
 
@@ -128,6 +135,19 @@ def _measure_of(model, x, k, z):  # type: ignore[no-untyped-def]  # noqa: ARG001
     return own
 
 
+@overload(_slopes)
+def _slopes_of(model, k, H):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    equations = _of(model)
+    if equations is None:
+        return None
+    slopes = equations.slopes
+
+    def own(model, k, H):  # type: ignore[no-untyped-def]
+        slopes(model, k, H)
+
+    return own
+
+
 @overload(_spread)
 def _spread_of(model, P, sd):  # type: ignore[no-untyped-def]  # noqa: ARG001
     equations = _of(model)
@@ -145,6 +165,15 @@ def _spread_of(model, P, sd):  # type: ignore[no-untyped-def]  # noqa: ARG001
 def _restart(x: Floats, P: Floats, start: Floats, P0: Floats) -> None:
     for i in range(len(start)):
         restart_state(x, P, i, start[i] if np.isfinite(start[i]) else x[i], P0[i])
+
+
+@compiled
+def _curved(z: Floats, H: Floats) -> bool:
+    """Whether the state bends one of the measurements that are there."""
+    curved = False
+    for row in range(len(z)):
+        curved |= np.isfinite(z[row]) and np.isnan(H[row, 0])
+    return curved
 
 
 @compiled
@@ -166,7 +195,7 @@ def _compiled(
     for i in range(states):
         P[i, i] = tune.P0[i]
     X, Y = np.empty((points, states)), np.empty((points, states))
-    Z, work = np.empty((points, m)), np.zeros((3, m, width))
+    Z, work, H = np.empty((points, m)), np.zeros((3, m, width)), np.zeros((m, width))
     D = np.zeros((max(states, m), span))
     _restart(x, P, start[0], tune.P0)
     for k in range(n):
@@ -181,10 +210,17 @@ def _compiled(
                 for p in range(points):
                     _process(model, X[p], k, Y[p])
                 mean_and_covariance(Y, tune.Q, x, P, D)
-            repaired[k] |= sigma_points(x, P, U, X)
-            for p in range(points):
-                _measure(model, X[p], k, Z[p])
-            correct(x, P, U, Z, z[k], tune.R, D, work)
+            _slopes(model, k, H)
+            if _curved(z[k], H):
+                repaired[k] |= sigma_points(x, P, U, X)
+                for p in range(points):
+                    _measure(model, X[p], k, Z[p])
+                correct(x, P, U, Z, z[k], tune.R, D, work)
+            else:
+                _measure(model, x, k, Z[0])
+                for i in range(states):
+                    work[1, 0, i] = x[i]
+                correct_linear(x, P, z[k], Z[0], H, tune.R, work[:, 0])
             if angle >= 0:
                 keep_upright(x, P, angle, tune.P0[angle])
         for i in range(states):

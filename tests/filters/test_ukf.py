@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
 
-from roadlog.filters.ukf import cholesky, correct, mean_and_covariance, padded, sigma_points
+from roadlog.filters.ukf import (
+    cholesky,
+    correct,
+    correct_linear,
+    mean_and_covariance,
+    padded,
+    sigma_points,
+)
 
 
 def covariance(n: int, seed: int = 0) -> np.ndarray:
@@ -64,3 +71,24 @@ def test_correction_of_a_linear_model_is_kalmans(missing: tuple[int, ...]) -> No
     K = P @ Hk.T @ np.linalg.inv(Hk @ P @ Hk.T + np.diag(R[known]))
     np.testing.assert_allclose(y, x + K @ (z[known] - Hk @ x), rtol=1e-8, atol=1e-9)
     np.testing.assert_allclose(S, P - K @ Hk @ P, rtol=1e-6, atol=1e-9 * P.max())
+
+
+@pytest.mark.parametrize("missing", [(), (1,), (0, 2)])
+def test_linear_rows_one_after_the_other_correct_as_points_do(missing: tuple[int, ...]) -> None:
+    """The filters take the former where no row is curved, the latter where one is."""
+    rng = np.random.default_rng(5)
+    n, m = 4, 3
+    P, H, R = covariance(n, 6), rng.standard_normal((m, n)), np.array([0.1, 1.0, 10.0])
+    H[0, 2] = H[2, 1] = 0.0
+    x, z, offset = np.ones(n), rng.standard_normal(m), np.array([0.0, 3.0, -1.0])
+    z[list(missing)] = np.nan
+    X, U = np.empty((2 * n + 1, n)), np.empty((n, padded(n)))
+    by_points, by_rows = (x.copy(), wide(P)), (x.copy(), wide(P))
+    sigma_points(*by_points, U, X)
+    D, work = np.zeros((m, padded(2 * n + 1))), np.zeros((3, m, padded(n)))
+    correct(*by_points, U, X @ H.T + offset, z, R, D, work)
+    scratch = np.zeros((2, padded(n)))
+    scratch[1, :n] = x
+    correct_linear(*by_rows, z, H @ x + offset, H, R, scratch)
+    np.testing.assert_allclose(by_rows[0], by_points[0], rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(by_rows[1], by_points[1], rtol=1e-6, atol=1e-9 * P.max())

@@ -71,12 +71,18 @@ def measure(car: Car, x: Floats, k: int, z: Floats) -> None:  # noqa: ARG001
 
 
 @compiled
+def slopes(car: Car, k: int, H: Floats) -> None:  # noqa: ARG001
+    """Derivative of `measure`."""
+    H[0, 0] = 1.0
+
+
+@compiled
 def spread(car: Car, P: Floats, sd: Floats) -> None:  # noqa: ARG001
     """Of the grade."""
     sd[0] = np.sqrt(P[1, 1])
 
 
-register(Car, Equations(process, measure, spread, outputs=1, angle=1))
+register(Car, Equations(process, measure, slopes, spread, outputs=1, angle=1))
 
 
 def debe(drive: Drive, vehicle: Vehicle, params: DebeParameters, engine: Engine) -> Estimate:

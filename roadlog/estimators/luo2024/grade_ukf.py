@@ -74,10 +74,19 @@ def measure(model: GradeModel, x: Floats, k: int, z: Floats) -> None:
 
 
 @compiled
+def slopes(model: GradeModel, k: int, H: Floats) -> None:  # noqa: ARG001
+    """Derivatives of `measure`: a_x is curved, a_y does not depend on the state."""
+    H[0, 0] = 1.0
+    H[1, 0] = np.nan
+    H[3, 2] = 1.0
+    H[4, 1] = 1.0
+
+
+@compiled
 def spread(model: GradeModel, P: Floats, sd: Floats) -> None:  # noqa: ARG001
     """Of every state."""
     for i in range(STATES):
         sd[i] = np.sqrt(P[i, i])
 
 
-register(GradeModel, Equations(process, measure, spread, outputs=STATES, angle=GRADE))
+register(GradeModel, Equations(process, measure, slopes, spread, outputs=STATES, angle=GRADE))

@@ -108,6 +108,22 @@ def measure(model: TireModel, x: Floats, k: int, z: Floats) -> None:
 
 
 @compiled
+def slopes(model: TireModel, k: int, H: Floats) -> None:
+    """Derivatives of `measure`; f_x is curved by the drag."""
+    car, load = model.car, model.inputs.load[k]
+    c, s = model.steer[k, 0], model.steer[k, 1]
+    H[0, 0] = 1.0
+    H[1, 0] = np.nan
+    for i in range(2):
+        H[2, 7 + i], H[2, 11 + i], H[2, 13 + i] = s / car.mass, c / car.mass, 1.0 / car.mass
+    for i in range(5):
+        H[3 + i, 2 + i] = 1.0
+    H[8, 1] = 1.0
+    H[9, 11], H[9, 12] = 1.0, -load[0] / load[1]
+    H[10, 13], H[10, 14] = 1.0, -load[2] / load[3]
+
+
+@compiled
 def spread(model: TireModel, P: Floats, sd: Floats) -> None:  # noqa: ARG001
     """N: of each wheel's longitudinal force, then of the sum of an axle's lateral forces."""
     for i in range(4):
@@ -116,4 +132,4 @@ def spread(model: TireModel, P: Floats, sd: Floats) -> None:  # noqa: ARG001
     sd[5] = np.sqrt(P[13, 13] + P[14, 14] + 2 * P[13, 14])
 
 
-register(TireModel, Equations(process, measure, spread, outputs=6, angle=-1))
+register(TireModel, Equations(process, measure, slopes, spread, outputs=6, angle=-1))
