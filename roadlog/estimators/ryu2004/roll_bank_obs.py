@@ -25,12 +25,12 @@ from roadlog.filters.discretize import zero_order_hold
 from roadlog.filters.gaps import age, hold
 from roadlog.filters.kalman import correct_scalar, predict_covariance
 from roadlog.jit import compiled
-from roadlog.types import Bools, Floats
+from roadlog.types import Bools, Floats, Indices
 from roadlog.units import DEG
 from roadlog.units import STANDARD_GRAVITY as G
 
 STATES, ROWS = 8, 4
-SPEED_STEP = 0.02  # m/s, change of speed at which the model is discretized anew
+SPEED_STEP = 0.01  # m/s, between the speeds for which the model is discretized
 INITIAL_VARIANCE = np.array([0.05, 0.1, 0.05, 0.3, 0.08, 0.2, 1.0, 0.05]) ** 2
 # sd of sideslip, yaw rate, total roll and roll rate. Sideslip is weak on purpose: believed, an
 # error of it would go into the bank 17 times. 1 deg, in which the error's correlation
@@ -67,6 +67,14 @@ class BicycleCar(NamedTuple):
     roll_arm: float
     roll_stiffness: float
     roll_damping: float
+
+
+class Models(NamedTuple):
+    """Discrete models of m speeds: transitions (m, 8, 8), input (m, 8), noise (m, 8, 8)."""
+
+    Phi: Floats
+    Gamma: Floats
+    Qd: Floats
 
 
 def bicycle_car(vehicle: Vehicle) -> BicycleCar:
@@ -154,8 +162,9 @@ def roll_bank_obs(
     x, sd = np.full((n, STATES), np.nan), np.full((n, STATES), np.nan)
     total_sd, started = np.full(n, np.nan), np.full(n, np.inf)
     steps = _reference if engine == "reference" else _compiled
+    at, models = _models(np.where(runnable, speed, params.min_speed), car, drive.dt)
     for run in runs(runnable):
-        x[run], sd[run], total_sd[run] = steps(z[run], speed[run], steer[run], R, car, drive.dt)
+        x[run], sd[run], total_sd[run] = steps(z[run], at[run], models, steer[run], R)
         started[run] = np.arange(run.stop - run.start) * drive.dt
     angles = {"bank": x[:, 4], "roll": x[:, 2], "roll_total": x[:, 2] + x[:, 4]}
     sds = {"bank": sd[:, 4], "roll": sd[:, 2], "roll_total": total_sd}
@@ -198,9 +207,16 @@ def _rows(total: TotalRoll, with_beta: Bools) -> Floats:
     return np.column_stack([beta, total.yaw_rate, angle, total.roll_rate])
 
 
+def _models(speed: Floats, car: BicycleCar, dt: float) -> tuple[Indices, Models]:
+    """Per sample which model, (n,), and the models: of the rounded speeds that are driven."""
+    steps, at = np.unique(np.round(speed / SPEED_STEP), return_inverse=True)
+    discrete = [zero_order_hold(*system(u, car), dt) for u in steps * SPEED_STEP]
+    return at, Models(*(np.stack(part) for part in zip(*discrete, strict=True)))
+
+
 @compiled
 def _compiled(
-    z: Floats, speed: Floats, steer: Floats, R: Floats, car: BicycleCar, dt: float
+    z: Floats, at: Indices, models: Models, steer: Floats, R: Floats
 ) -> tuple[Floats, Floats, Floats]:
     n = len(z)
     xs, sds, total_sd = np.empty((n, STATES)), np.empty((n, STATES)), np.empty(n)
@@ -208,13 +224,8 @@ def _compiled(
     h, Ph = np.empty(STATES), np.empty(STATES)
     for i in range(STATES):
         P[i, i] = INITIAL_VARIANCE[i]
-    at = 0.0
     for k in range(n):
         x = xs[k]
-        if k == 0 or abs(speed[k] - at) > SPEED_STEP:
-            at = speed[k]
-            F, B, Qc = system(at, car)
-            Phi, Gamma, Qd = zero_order_hold(F, B, Qc, dt)
         if k == 0:
             for i in range(STATES):
                 x[i] = 0.0
@@ -222,11 +233,12 @@ def _compiled(
                 if np.isfinite(z[0, row]):
                     x[i] = z[0, row]
         else:
+            Phi, Gamma = models.Phi[at[k]], models.Gamma[at[k]]
             for i in range(STATES):
                 x[i] = Gamma[i] * steer[k - 1]
                 for j in range(STATES):
                     x[i] += Phi[i, j] * xs[k - 1, j]
-            predict_covariance(P, Phi, Qd, FP, P)
+            predict_covariance(P, Phi, models.Qd[at[k]], FP, P)
         for i in range(ROWS):
             if np.isfinite(z[k, i]):
                 residual = z[k, i]
@@ -241,7 +253,7 @@ def _compiled(
 
 
 def _reference(
-    z: Floats, speed: Floats, steer: Floats, R: Floats, car: BicycleCar, dt: float
+    z: Floats, at: Indices, models: Models, steer: Floats, R: Floats
 ) -> tuple[Floats, Floats, Floats]:
     from filterpy.kalman import KalmanFilter
 
@@ -251,13 +263,9 @@ def _reference(
     kf = KalmanFilter(STATES, ROWS, 1)
     kf.x = np.array([first[0], first[1], 0, 0, first[2], 0, 0, 0]).reshape(-1, 1)
     kf.P = np.diag(INITIAL_VARIANCE)
-    at = speed[0]
-    Phi, Gamma, Qd = zero_order_hold(*system(at, car), dt)
     for k in range(n):
         if k > 0:
-            if abs(speed[k] - at) > SPEED_STEP:
-                at = speed[k]
-                Phi, Gamma, Qd = zero_order_hold(*system(at, car), dt)
+            Phi, Gamma, Qd = (part[at[k]] for part in models)
             kf.predict(u=np.array([[steer[k - 1]]]), B=Gamma.reshape(-1, 1), F=Phi, Q=Qd)
         known = np.isfinite(z[k])
         if known.any():
