@@ -32,6 +32,8 @@ EMPTIEST = 100  # rows of a grid per message, beyond which a clock must have jum
 FEW_ROWS = 100_000
 SLOWEST = 1.0  # Hz, of messages with their own times
 
+WAY = Column("distance", "", "distance", np.dtype(np.float64), "m")  # of rows along the way
+
 _STEP = re.compile(r"(\d{1,9}(?:\.\d{0,9})?|\.\d{1,9}) ?(s|m|Hz)")
 _RADIANS = re.compile(r"rad\b")
 _SECTION_OF = {section.topic: section.name for section in SECTIONS.values()}
@@ -48,8 +50,8 @@ def export(
     """Write chosen channels of a log to a file, whole or not at all; its ending tells the format.
 
     topics, roles: what to take, default all channels but those for other viewers. every: a common
-    grid from the first message, `1s`, `10m` along the way, `50Hz`; None keeps the messages' own
-    times. degrees: instead of radians. Returns rows, columns, losses. Raises LogReadError,
+    grid from the first message, `1s`, `10m` along the way (beside the distance), `50Hz`; None
+    keeps the messages' own times. degrees: instead of radians. Returns rows, columns, losses. Raises LogReadError,
     LogWriteError, ConfigError for a name that is not there.
     """
     if out.suffix.lower() not in FORMATS:
@@ -65,14 +67,18 @@ def export(
             raise LogReadError(f"{log}: nothing to export: the chosen channels hold no numbers")
         _check_span(reader, rate)
         opened = FORMATS[out.suffix.lower()]
-        rows = 0
-        with replacing(out) as file, opened(file, columns, reader.start_ns) as put:
+        rows, written = 0, [*([] if grid is None else [WAY]), *columns]
+        with replacing(out) as file, opened(file, written, reader.start_ns) as put:
             for start in _windows(reader, rate):
                 end = min(start + WINDOW, reader.end_ns + 1)
                 time, block = _block(reader, columns, start, end, rate, grid)
                 rows += len(time)
-                put(time, [_scaled(c, *cell) for c, cell in zip(columns, block, strict=True)])
-        return rows, columns, list(reader.losses)
+                cells = [_scaled(c, *cell) for c, cell in zip(columns, block, strict=True)]
+                if grid is not None:
+                    way = np.round(step * np.searchsorted(grid, time), 6)
+                    cells.insert(0, (way, np.isfinite(way)))
+                put(time, cells)
+        return rows, written, list(reader.losses)
 
 
 def _step(text: str) -> tuple[float, str]:

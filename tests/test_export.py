@@ -106,7 +106,8 @@ def test_a_row_each_ten_meters_in_degrees(log, tmp_path):
     for step in ("10 km", "1e1m", ""):
         with pytest.raises(ConfigError, match=f"--every: '{step}' is no step.* as in 0.1s"):
             export(log, out, every=step)
-    assert out.read_text().splitlines()[0] == "time_ns,time_s,truth.grade [deg]"
+    assert out.read_text().splitlines()[0] == "time_ns,time_s,distance [m],truth.grade [deg]"
+    np.testing.assert_array_equal(data["distance_m"], 10.0 * np.arange(rows))
 
 
 def test_degrees_are_not_read_back_as_radians(log, tmp_path):

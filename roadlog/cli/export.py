@@ -38,7 +38,8 @@ def export(
 ) -> None:
     """Write a log as CSV, Parquet, Excel or MATLAB file: one row a stamp, one column a signal.
 
-    Headings have units. time_ns counts from 1970, time_s from the log's first message.
+    Headings have units. time_ns counts from 1970, time_s from the log's first message. Rows along
+    the way begin with their distance.
 
     Example: roadlog export drive.mcap -o drive.xlsx --topics /imu,/speed --every 1s --degrees
     """
