@@ -51,8 +51,8 @@ def export(
 
     topics, roles: what to take, default all channels but those for other viewers. every: a common
     grid from the first message, `1s`, `10m` along the way (beside the distance), `50Hz`; None
-    keeps the messages' own times. degrees: instead of radians. Returns rows, columns, losses. Raises LogReadError,
-    LogWriteError, ConfigError for a name that is not there.
+    keeps the messages' own times. degrees: instead of radians. Returns rows, columns, losses.
+    Raises LogReadError, LogWriteError, ConfigError for a name that is not there.
     """
     if out.suffix.lower() not in FORMATS:
         raise ConfigError(f"{out}: write to a file that ends in {', '.join(FORMATS)}")
