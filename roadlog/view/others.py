@@ -62,16 +62,11 @@ def _color(name: str) -> str:
 
 def _foxglove(log: DriveLog, curves: Curves) -> str:
     panels: dict[str, Any] = {}
+    there = {channel.topic for channel in log.channels}
     for angle, sources in curves.items():
         paths = [
-            {
-                "value": f"{topic}.{angle}.@degrees",
-                "label": name,
-                "enabled": True,
-                "timestampMethod": "receiveTime",
-                "color": _color(name),
-            }
-            for name, topic in sources.items()
+            _foxglove_curve(name, topic, angle, _beside(topic) in there)
+            for name, topic in reversed(sources.items())  # the first lies on top, the truth below
         ]
         if paths:
             panels[f"Plot!{angle}"] = {
@@ -80,11 +75,11 @@ def _foxglove(log: DriveLog, curves: Curves) -> str:
                 "showXAxisLabels": True,
                 "showYAxisLabels": True,
                 "showLegend": True,
-                "legendDisplay": "floating",
+                "legendDisplay": "left",
                 "showPlotValuesInLegend": False,
                 "isSynced": True,
                 "xAxisVal": "timestamp",
-                "sidebarDimension": 240,
+                "sidebarDimension": 115,
             }
     topics = [channel.topic for channel in log.channels]
     words = [topic for topic in topics if topic.endswith(f"/{DEGREES}")]
@@ -120,6 +115,23 @@ def _foxglove(log: DriveLog, curves: Curves) -> str:
         "layout": _mosaic(list(panels), "row"),
     }
     return json.dumps(layout, indent=2) + "\n"
+
+
+def _foxglove_curve(name: str, topic: str, angle: str, has_degrees: bool) -> dict[str, Any]:
+    """A curve in degrees: of Foxglove and its fork the fork knows no `@degrees`."""
+    return {
+        "value": f"{_beside(topic)}.{angle}_deg" if has_degrees else f"{topic}.{angle}.@degrees",
+        "label": name,
+        "enabled": True,
+        "timestampMethod": "receiveTime",
+        "color": _color(name),
+        "lineSize": 3 if name == "truth" else 1.5,
+    }
+
+
+def _beside(topic: str) -> str:
+    """Where the angles of a topic lie in degrees, if the log has them."""
+    return f"{topic.rpartition('/')[0]}/{DEGREES}"
 
 
 def _titled(text: str) -> dict[str, str]:
@@ -180,12 +192,11 @@ def _rerun(log: DriveLog, curves: Curves, path: Path) -> None:
     schemas = {channel.topic: channel.schema for channel in log.channels}
     views = []
     for angle, sources in curves.items():
-        beside = {topic: f"{topic.rpartition('/')[0]}/{DEGREES}" for topic in sources.values()}
-        has_degrees = all(topic in schemas for topic in beside.values())
+        has_degrees = all(_beside(topic) in schemas for topic in sources.values())
         unit, ending = ("deg", "_deg") if has_degrees else ("rad", "")
         overrides = {}
         for name, own in sources.items():
-            topic = beside[own] if has_degrees else own
+            topic = _beside(own) if has_degrees else own
             line = rr.SeriesLines(names=f"{name} [{unit}]", colors=_color_number(name))
             overrides[topic] = line.visualizer(
                 mappings=[

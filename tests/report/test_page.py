@@ -1,6 +1,9 @@
 """The pages in a real browser: headless Chromium, offline."""
 
+import base64
 import json
+import shutil
+import subprocess
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -259,6 +262,21 @@ def test_twenty_thousand_logs(tmp_path: Path, page: Callable[[Path], Any]) -> No
     assert "1–100 of 400" in texts(opened, "#failures .pager")[0]
     choose(opened, "vehicle", "car 7")
     assert texts(opened, "#count") == ["667 of 20000 logs"]
+
+
+def test_a_printed_table_repeats_its_heading(tmp_path: Path, page: Callable[[Path], Any]) -> None:
+    """On each page that it goes over."""
+    if shutil.which("pdftotext") is None:
+        pytest.skip("needs_browser: poppler-utils is not installed")
+    write_assets(tmp_path)
+    write_index(tmp_path, synthetic_rows(120), Options())
+    printed = tmp_path / "page.pdf"
+    printed.write_bytes(base64.b64decode(page(tmp_path / "index.html").print_page()))
+    command = ["pdftotext", "-layout", printed, "-"]
+    text = subprocess.run(command, capture_output=True, check=True, text=True).stdout
+    with_drives = [sheet for sheet in text.split("\f") if sheet.count(".mcap") > 5]
+    assert len(with_drives) > 2
+    assert all("warnings" in sheet for sheet in with_drives[:3])
 
 
 def test_one_file_needs_no_other(tmp_path: Path, page: Callable[[Path], Any]) -> None:

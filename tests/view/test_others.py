@@ -110,8 +110,8 @@ def test_foxglove(log):
     assert leaves(made["layout"]) == list(made["configById"])
     grade = made["configById"]["Plot!grade"]
     assert [path["value"] for path in grade["paths"]] == [
-        "/truth/angles.grade.@degrees",
-        "/estimates/kmbe/angles.grade.@degrees",
+        "/estimates/kmbe/degrees.grade_deg",
+        "/truth/degrees.grade_deg",  # below the estimate
     ]
     flags = made["configById"]["StateTransitions!flags"]["paths"]
     assert [path["value"] for path in flags] == [
@@ -122,10 +122,9 @@ def test_foxglove(log):
     topics = {channel.topic for channel in log.channels}
     for panel in made["configById"].values():
         for path in panel["paths"] if "xAxisVal" in panel else ():
-            topic, angle, function = path["value"].split(".")
+            topic, angle = path["value"].split(".")
             assert topic in topics
-            assert angle in ANGLES
-            assert function == "@degrees"
+            assert angle.removesuffix("_deg") in ANGLES
 
 
 def test_plotjuggler(log):
