@@ -148,16 +148,17 @@ def outlook(
         if now is not None and better > WORTH * now:
             found.append(Outlook(angle, name, now))
         else:
-            found.append(Outlook(angle, name, now, _needed(lacking), better))
+            words = f"{_needed(lacking)}: `fusion` can run then"
+            found.append(Outlook(angle, name, now, words, better))
     return found
 
 
 def _needed(lacking: Collection[str]) -> str:
-    """What lets `fusion` run, in words."""
-    imu = "three accelerations and three rates"
-    parts = [imu] if any("imu." in role for role in lacking) else []
+    """What `fusion` lacks, in words."""
+    kinds = {"imu.accel": "three accelerations", "imu.gyro": "three rates"}
+    parts = [words for kind, words in kinds.items() if any(kind in role for role in lacking)]
     parts += ["a speed"] if any("imu." not in role for role in lacking) else []
-    return f"{' and '.join(parts) or imu}: `fusion` can run then"
+    return " and ".join(parts or kinds.values())
 
 
 def _of_fusion(sensors: SensorSet, k: int) -> Outlook:

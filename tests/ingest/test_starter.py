@@ -190,6 +190,14 @@ def test_a_log_without_known_names_gets_a_profile_of_comments(tmp_path):
         ("Velocidad del vehículo [km/h]", "speed.v", "km/h"),
         ("Vitesse verticale [m/s]", "gnss.climb", "m/s"),
         ("Velocidad vertical [m/s]", "gnss.climb", "m/s"),
+        ("Lacet °/s", "imu.gyro_z", "deg/s"),
+        ("Vitesse km/h", "speed.v", "km/h"),
+        ("Beccheggio [deg/s]", "imu.gyro_y", "deg/s"),
+        ("Vit. roue AV G (km/h)", "wheel_speeds.fl", "km/h"),
+        ("Vit. roue AR D (km/h)", "wheel_speeds.rr", "km/h"),
+        ("Velocità ruota ant. sx [km/h]", "wheel_speeds.fl", "km/h"),
+        ("Velocidade roda tras. dir. [km/h]", "wheel_speeds.rr", "km/h"),
+        ("Snelheid [km/h]", "speed.v", "km/h"),
     ],
 )
 def test_names_of_vendors_and_languages(tmp_path, name, role, unit):
@@ -218,6 +226,8 @@ def test_names_of_vendors_and_languages(tmp_path, name, role, unit):
         "Velocidad del viento [km/h]",
         "Satellite elevation [deg]",
         "Ride Height FL [mm]",
+        "Yaw [deg]",
+        "Lacet",
     ],
 )
 def test_what_a_unit_or_word_contradicts_is_not_mapped(tmp_path, name):

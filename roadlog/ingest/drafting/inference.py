@@ -61,11 +61,13 @@ def by_data(draft: Draft) -> None:
 
 def _feeds(draft: Draft) -> None:
     """Which estimators the profile feeds, as the last lines."""
-    from roadlog.estimators import runnable
+    from roadlog.estimators import get, runnable
 
     drive = _drive(draft)
     able = [estimator.name for estimator in runnable(drive)[0]] if drive is not None else []
     what = f"feeds: {', '.join(able)}" if able else "feeds no estimator: see `roadlog estimators`"
+    if drive is not None and "fusion" not in able:
+        what += f"; fusion lacks {', '.join(get('fusion').missing(drive))}"
     draft.tail += textwrap.wrap(what, 96, subsequent_indent="  ")
 
 

@@ -13,6 +13,7 @@ from roadlog.ingest.drafting.vocabulary import (
     REFERENCES,
     SATELLITE,
     TRUE,
+    TURNS,
     WORDED,
 )
 from roadlog.ingest.formats.text import plain
@@ -77,6 +78,7 @@ _ENDINGS = {
 }
 _DEVICE = re.compile(r"\\\w+(?::\d+)?$")
 _BRACKETS = re.compile(r"[\[({<]([^\])}>]*)[\])}>]\s*$")
+_APART = re.compile(r"\s((?:°|[a-z]+[/²³^])\S*)\s*$")  # `Yaw °/s`, `Speed km/h`
 _OTHER = re.compile(OTHER)
 _ANGULAR = re.compile(r"angular|omega|gyro|rotation|yaw|pitch|roll")  # never a speed of the car
 POWER = re.compile(r"_(?:1?e|deg_?1?e)_?([5-7])$")  # lat_e7: times 10^7
@@ -106,6 +108,8 @@ def roles_of(frame: Frame, column: str) -> list[str]:
         found = [role for role in found if role != "speed.v"]
     if "speed.v" in found and any(map(SATELLITE.fullmatch, place.split("_"))):
         found = ["gnss.speed"]
+    if not found and UNITS.get(any_unit(frame, column) or "", ("",))[0] == "angular rate":
+        found = _of(TURNS, _core(words))
     if not any(role.startswith("wheel_speeds") for role in found):
         found = found[:1]
     return [role for role in found if not contradicts(frame, column, role)]
@@ -149,7 +153,8 @@ def _torque(frame: Frame, column: str, words: list[str]) -> list[str]:
 
 def is_worded(column: str) -> bool:
     """Whether a name is in the car's words for its axes, so that its sensor is turned to them."""
-    return bool(_of(WORDED, _core(bare(column).split("_"))))
+    core = _core(bare(column).split("_"))
+    return bool(_of(WORDED, core) or _of(TURNS, core))
 
 
 def is_time(column: str) -> bool:
@@ -163,7 +168,7 @@ def any_unit(frame: Frame, column: str) -> str | None:
     A unit that is none of ours stays as it is: what it measures is none of ours either.
     """
     stated = frame.units.get(column, "").strip(" []()")
-    inside = _BRACKETS.search(column)
+    inside = _BRACKETS.search(column) or _APART.search(column)
     for text in (stated, inside[1].strip() if inside else ""):
         if text and text not in ("-", "1"):
             try:
@@ -208,7 +213,7 @@ def stated_unit(frame: Frame, column: str, role: str) -> tuple[str, bool]:
 def unit_of(name: str, expected: str) -> str:
     """Unit of the right quantity that a name ends with; empty for none."""
     quantity = UNITS[canonical(expected)][0]
-    inside = _BRACKETS.search(name)
+    inside = _BRACKETS.search(name) or _APART.search(name)
     if inside:
         with suppress(ConfigError):
             unit = canonical(inside[1])
@@ -225,9 +230,14 @@ def unit_of(name: str, expected: str) -> str:
 
 def bare(name: str) -> str:
     """A name in lower case without its unit."""
-    words = POWER.sub("", folded(_leaf(_BRACKETS.sub("", name) or name))).split("_")
+    name = _leaf(_BRACKETS.sub("", name) or name)
+    inside = _APART.search(name)
+    words = POWER.sub("", folded(name[: inside.start()] if inside else name)).split("_")
     for size in (2, 1):
-        if len(words) > size and "".join(words[-size:]) in _ENDINGS:
+        ending = "".join(words[-size:])
+        if ending == "g" and len(words) > 1 and words[-2] in ("av", "ar"):
+            break  # avant gauche, not in g
+        if len(words) > size and ending in _ENDINGS:
             return "_".join(words[:-size])
     return "_".join(words)
 

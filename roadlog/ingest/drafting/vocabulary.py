@@ -25,8 +25,11 @@ _LONG = r"(?:lon|lng|lgt|long|longi|longitudinale?|longit|laengs|langs|inline|fw
 _LAT = r"(?:lat|lateral\w*?|quer|seiten|trans|transversal\w*?)"
 _VERT = r"(?:vert|vertical\w*?|vertikal\w*?|hoch|upward)"
 _FORCE = rf"(?:{_ACCEL}|g)"
-_SPEED = r"(?:v|vel|velocity|spd|speed|geschw|geschwindigkeit|vitesse|velocidad|velocita)"
-_WHEEL = r"(?:wheels?|whls?|w|rad|raeder|roue|rueda|ws)"
+_SPEED = (
+    r"(?:v|vel|velocity|spd|speed|geschw|geschwindigkeit|vitesse|vit|velocidade?|velocita"
+    r"|snelheid|hastighet)"
+)
+_WHEEL = r"(?:wheels?|whls?|w|rad|raeder|roue|rueda|ruota|roda|ws)"
 _TURN = r"(?:speed|spd|vel|velocity|v|geschw\w*?|vitesse|velocidad|w)?(?:based)?"
 _SLOPE = (
     r"(?:slope|grade|gradient|incline|steigung|laengsneigung|langsneigung|neigung|pente|pendiente)"
@@ -35,14 +38,18 @@ _BANK = r"(?:bank|crossslope|crossfall|camber|querneigung|devers|peralte|superel
 
 CORNERS = {
     "fl": r"(?:fl|lf|vl|flh|frontleft|leftfront|frleft|vornelinks|vorneli|delanteraizquierda"
-    r"|avantgauche)",
+    r"|avantgauche|avg|antsx|anterioresinistra|delizq|diant?esq|dianteiraesquerda)",
     "fr": r"(?:fr|rf|vr|frh|frontright|rightfront|frright|vornerechts|vornere|delanteraderecha"
-    r"|avantdroite?)",
+    r"|avantdroite?|avd|antdx|anterioredestra|delder|diant?dir|dianteiradireita)",
     "rl": r"(?:rl|lr|hl|rlh|rearleft|leftrear|releft|hintenlinks|hintenli|traseraizquierda"
-    r"|arrieregauche)",
+    r"|arrieregauche|arg|postsx|posterioresinistra|trasizq|trasesq|traseiraesquerda)",
     "rr": r"(?:rr|hr|rrh|rearright|rightrear|reright|hintenrechts|hintenre|traseraderecha"
-    r"|arrieredroite?)",
+    r"|arrieredroite?|ard|postdx|posterioredestra|trasder|trasdir|traseiradireita)",
 }
+
+_ROLL = r"(?:roll|wank\w*|roulis|balanceo|alabeo|rollio|rolagem)"
+_PITCH = r"(?:pitch|nick\w*|tangage|cabeceo|beccheggio|arfagem)"
+_YAW = r"(?:yaw|gier\w*|lacet|guinada|imbardata)"
 
 
 def _either(*words: str) -> tuple[str, ...]:
@@ -67,7 +74,7 @@ NAMES: dict[str, tuple[str, ...]] = {
             f"(?!lrw){corner}{_WHEEL}{_TURN}",  # LRW: the angle of the steering wheel
             f"(?:v|vrad|n|nrad|abs|spd|speed){corner}",
             f"{corner}(?:spd|speed|radgeschw\\w*)",
-            f"(?:vitesse|velocidad)(?:de)?(?:la)?{_WHEEL}{corner}",
+            f"(?:vitesse|vit|velocidade?|velocita|vel)(?:de)?(?:lla|la)?{_WHEEL}{corner}",
         )
         for wheel, corner in CORNERS.items()
     },
@@ -112,17 +119,24 @@ WORDED: dict[str, tuple[str, ...]] = {
     "imu.accel_y": _either(_LAT, _FORCE),
     "imu.accel_z": _either(_VERT, _FORCE),
     "imu.gyro_x": (
-        *_turning(r"(?:roll|wank|roulis|balanceo|alabeo|rollio|rolagem)"),
+        *_turning(_ROLL),
         r"wroll|rollw|wwank|phidot|dphi|phip",
     ),
     "imu.gyro_y": (
-        *_turning(r"(?:pitch|nick|tangage|cabeceo|beccheggio|arfagem)"),
+        *_turning(_PITCH),
         r"wpitch|pitchw|wnick|thetadot|dtheta|thetap",
     ),
     "imu.gyro_z": (
-        *_turning(r"(?:yaw|gier|lacet|guinada|imbardata)"),
+        *_turning(_YAW),
         r"vyaw|vyawveh|wyaw|yaww\w*|wgier|yawr|psip|psidot|dpsi|gier",
     ),
+}
+
+# the axis alone, of a column whose unit is that of a rate
+TURNS: dict[str, tuple[str, ...]] = {
+    "imu.gyro_x": (_ROLL,),
+    "imu.gyro_y": (_PITCH,),
+    "imu.gyro_z": (_YAW,),
 }
 
 # what a reference states, where its name says that it is one
