@@ -66,9 +66,7 @@ def _foxglove(log: DriveLog, curves: Curves) -> str:
     for angle, sources in curves.items():
         paths = [
             _foxglove_curve(name, topic, angle, _beside(topic) in there)
-            for name, topic in reversed(
-                [*sources.items()]
-            )  # the first lies on top, the truth below
+            for name, topic in reversed([*sources.items()])  # the truth below the estimates
         ]
         if paths:
             panels[f"Plot!{angle}"] = {
