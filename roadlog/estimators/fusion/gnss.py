@@ -5,18 +5,13 @@ Source: docs/methods/fusion.md#gnss-rows, docs/methods/fusion.md#loop-closure.
 
 from __future__ import annotations
 
-from bisect import bisect_left
-from collections import defaultdict
-from itertools import product
-
 import numpy as np
-from numpy.typing import NDArray
 
 from roadlog.drive import Drive, Samples
 from roadlog.estimators.fusion.speed import SpeedSource, known_samples
 from roadlog.estimators.fusion.steps import STEP_RATE, Fix
 from roadlog.geo import TransverseMercator
-from roadlog.types import Bools, Floats
+from roadlog.types import Bools, Floats, Indices
 
 MIN_COURSE_SPEED = 1.0  # m/s, below this the course is noise
 ALTITUDE_INTERVAL = 1.0  # s, between altitudes used: their error is correlated over more than that
@@ -110,11 +105,11 @@ def revisits(drive: Drive, time: Floats, alive: Bools, fixes: Floats, fixes_sd: 
     run = np.cumsum(~alive)  # the same number on both sides of no gap
     places, at_step = _Places(place), np.round(at * STEP_RATE).astype(np.int64)
     earlier = np.searchsorted(at, at - REVISIT_TIME)
-    kept = 0
+    latest, kept = places.latest(earlier), 0
     for j, k in enumerate(at_step):
-        near = places.near(j, kept, earlier[j])
-        if not len(near) or k >= len(time) or not alive[k]:
+        if latest[j] < kept or k >= len(time) or not alive[k]:
             continue
+        near = places.near(j, kept, earlier[j])
         first = at_step[near]
         is_again = (
             alive[first]
@@ -137,21 +132,30 @@ class _Places:
 
     def __init__(self, place: Floats) -> None:
         self.place = place
-        self.squares = list(map(tuple, np.floor(place / REVISIT_RADIUS).astype(np.int64).tolist()))
-        self.there: defaultdict[tuple[int, ...], list[int]] = defaultdict(list)
-        for j, square in enumerate(self.squares):
-            self.there[square].append(j)
+        squares = np.floor(place / REVISIT_RADIUS).astype(np.int64)
+        east, north = (squares - squares.min(axis=0)).T
+        width = int(north.max()) + 3  # two squares apart: no neighbour is one of the next column
+        self.square = (east + 1) * width + north + 1
+        self.around = np.add.outer([-width, 0, width], [-1, 0, 1]).ravel()
+        # sorted by square, then by index
+        self.keys = np.sort(self.square * len(place) + np.arange(len(place)))
 
-    def near(self, j: int, first: int, last: int) -> NDArray[np.int64]:
+    def latest(self, last: Indices) -> Indices:
+        """Of every place, the newest before index last (m,) in the squares around, or -1."""
+        m, found = len(self.place), np.full(len(self.place), -1)
+        for offset in self.around:
+            first = (self.square + offset) * m
+            before = self.keys[np.maximum(np.searchsorted(self.keys, first + last) - 1, 0)]
+            is_there = (before >= first) & (before < first + last)
+            found = np.where(is_there, np.maximum(found, before - first), found)
+        return found
+
+    def near(self, j: int, first: int, last: int) -> Indices:
         """Those of first .. last - 1 that are within REVISIT_RADIUS of place j, ascending."""
-        east, north = self.squares[j]
-        found: list[int] = []
-        for square in product((east - 1, east, east + 1), (north - 1, north, north + 1)):
-            there = self.there.get(square, ())
-            found += there[bisect_left(there, first) : bisect_left(there, last)]
-        near = np.array(sorted(found), np.int64)
-        if not found:
-            return near
+        squares = (self.square[j] + self.around) * len(self.place)
+        begins, ends = (np.searchsorted(self.keys, squares + edge) for edge in (first, last))
+        found = [self.keys[b:e] - s for s, b, e in zip(squares, begins, ends, strict=True)]
+        near = np.sort(np.concatenate(found))
         east_north = self.place[near] - self.place[j]
         return near[np.hypot(east_north[:, 0], east_north[:, 1]) <= REVISIT_RADIUS]
 
