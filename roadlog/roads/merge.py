@@ -26,7 +26,6 @@ TAPER = 100.0  # m at a run's ends over which it gains weight, so that the line 
 LINE_BAND = 10.0  # m, wavelength that the smoothing halves; 30 would turn bends by 1 deg rms
 GRADE_BAND = 40.0  # m, the same of the grade: errors of the turn are shorter, hills are longer
 RIPPLE_SHARE = 0.5  # of the ripple taken off the grade, that may have been the road's
-BANK_BAND = 15.0  # m, the same of the bank: its transitions are longer
 OFFSET_BAND = 5.0  # m, sd of the Gaussian over the passes' mean offset
 APART = 1.5  # m between the directions' middles, beyond which a crown looks like a mounting
 WANDERING = (
@@ -232,7 +231,7 @@ def _combined(line: RoadModel, laid: Sequence[_Laid], owners: Sequence[Pass]) ->
         z=z,
         z_sd=z_sd,
         grade=slope,
-        bank=np.arctan(_without_ripple(line.s, bank.value, BANK_BAND) * np.cos(slope)),
+        bank=np.arctan(bank.value * np.cos(slope)),
         grade_sd=np.sqrt(
             (grade.sd * np.cos(slope) ** 2) ** 2
             + _moved(line, told, slope, bank_tangent) ** 2
@@ -328,7 +327,7 @@ def _heights(
 
     Both lean towards the altitudes by as much as these know the mean slope better.
     """
-    tangent = _without_ripple(line.s, grade.value, GRADE_BAND)
+    tangent = _without_ripple(line.s, grade.value)
     told = np.isfinite(tangent)
     rise = np.interp(line.s, line.s[told], tangent[told]) if told.any() else np.zeros(len(line))
     z = np.concatenate([[0.0], np.cumsum(0.5 * (rise[1:] + rise[:-1]) * np.diff(line.s))])
@@ -354,8 +353,8 @@ def _heights(
     return tangent + lean, z + level + lean * (line.s - middle), z_sd
 
 
-def _without_ripple(s: Floats, slope: Floats, band: float) -> Floats:
-    """A slope, NaN where unknown, without the waves below `band` m, which is halved."""
+def _without_ripple(s: Floats, slope: Floats) -> Floats:
+    """A grade, NaN where unknown, without the waves that GRADE_BAND halves."""
     from scipy.interpolate import make_smoothing_spline
 
     known = np.isfinite(slope)
@@ -363,7 +362,7 @@ def _without_ripple(s: Floats, slope: Floats, band: float) -> Floats:
         return slope
     spacing = np.ptp(s) / (len(s) - 1)
     filled = np.interp(s, s[known], slope[known])
-    smooth = make_smoothing_spline(s, filled, lam=(band / (2 * np.pi)) ** 4 / spacing)(s)
+    smooth = make_smoothing_spline(s, filled, lam=(GRADE_BAND / (2 * np.pi)) ** 4 / spacing)(s)
     return np.where(known, smooth, np.nan)
 
 

@@ -218,3 +218,15 @@ def test_shares_within_one_and_two_sd_are_what_they_say(count: int, cars: int) -
         ratio = np.concatenate(parts)
         assert 0.5 <= np.mean(ratio < 1) <= 0.95, angle
         assert np.mean(ratio < 2) >= 0.9, angle
+
+
+def test_a_bank_that_changes_every_few_meters_is_kept() -> None:
+    """Waves of 20 m, as there are on circles; halving those of 15 m took a quarter of them."""
+    x = np.arange(0.0, 800.0, 0.5)
+    bank = np.radians(2.5) * np.sin(2 * np.pi * x / 20.0)
+    line = road_of("waves", HOME, x, np.zeros(len(x)), np.zeros(len(x)), bank=bank, s=x)
+    found = merged([driven(line, k, forward=k % 2 == 0) for k in range(2)])
+    off = errors(found, line)["bank"]
+    there = found.bank[: len(off)] * np.sign(np.cos(found.heading[: len(off)])) - off
+    kept = np.dot(found.bank[: len(off)], there) / np.dot(there, there)
+    assert abs(kept) > 0.9
