@@ -67,7 +67,12 @@ MEANT: dict[str, tuple[tuple[float, str], ...]] = {
     "position": ((1 / 60, "minutes of arc"), (1e-7, "1e-7 degrees"), (1e-6, "1e-6 degrees")),
     "altitude": ((-1.0, "a height counted downward"), (1e-3, "mm"), (1e-2, "cm")),
     "speed": ((-1.0, "counted backward"), (1e-3, "mm/s"), (1e-2, "cm/s")),
-    "accel": ((STANDARD_GRAVITY * 1e-3, "mg"), (1e-3, "mm/s^2"), (1e-2, "cm/s^2")),
+    "accel": (
+        (STANDARD_GRAVITY * 1e-3, "mg"),
+        (1e-3, "mm/s^2"),
+        (1e-2, "cm/s^2"),
+        *((STANDARD_GRAVITY / 2**k, f"counts of a sensor, {2**k} a g") for k in range(8, 17)),
+    ),
     "gyro": ((1e-3, "thousandths of a degree or radian a second"),),
     "truth": ((1 / FULL_DEGREE, "degrees"),),
     **dict.fromkeys(

@@ -39,6 +39,7 @@ GROWS, STEADY = 0.25, 5.0  # s, and sd of it, from which a lag that grows is a d
 CLEAR = 0.85  # correlation of speed and acceleration from which a lag counts
 LIVELY = 0.1  # m/s2, sd of the acceleration in the band from which a lag counts
 DEGREES = 180 / np.pi
+COUNTS = (131.0, 65.5, 32.8, 16.4)  # a deg/s, of gyros of 250, 500, 1000 and 2000 deg/s
 
 
 @dataclass
@@ -182,15 +183,20 @@ def gyro_unit(exam: Examination) -> None:
         if not ratios and np.isfinite(lateral).any():
             ratios = [DEGREES if np.nanpercentile(lateral, 95) > MAX_LATERAL else 1.0]
     ratios = [ratio for ratio in ratios if np.isfinite(ratio) and ratio > 0]
-    if ratios and min(ratios) > np.sqrt(DEGREES):
-        exam.add(
-            "unit",
-            roles,
-            f"turns {min(ratios):.0f} times faster than the car can",
-            'its unit is deg/s, say unit = "deg/s" in the profile',
-            DEGREES,
+    if not ratios or min(ratios) < np.sqrt(DEGREES):
+        return
+    text, factor = f"turns {min(ratios):.0f} times faster than the car can", DEGREES
+    advice = 'its unit is deg/s, say unit = "deg/s" in the profile'
+    if (counts := min(ratios) / DEGREES) > np.sqrt(COUNTS[-1]):
+        usual = min(COUNTS, key=lambda count: abs(np.log(count / counts)))
+        factor *= usual
+        advice = (
+            f'counts of a sensor, about {counts:.0f} a deg/s? Then say unit = "deg/s", '
+            f"scale = {1 / usual:.6g} in the profile (1/{usual:g}, of the MPU-6050 and its kin; "
+            "the data sheet tells)"
         )
-        exam.scale(roles, 1 / DEGREES)
+    exam.add("unit", roles, text, advice, factor)
+    exam.scale(roles, 1 / factor)
 
 
 def angles(exam: Examination) -> None:

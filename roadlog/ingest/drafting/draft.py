@@ -111,6 +111,13 @@ class Draft:
                 self.guesses[k] = replace(guess, doubts=doubts, **changes)  # type: ignore[arg-type]
                 first = False
 
+    def turn(self, roles: Iterable[str], doubt: str) -> None:
+        """Turn the signs of some roles, whatever their scale."""
+        wanted = set(roles)
+        for guess in [g for g in self.guesses if g.role in wanted]:
+            self.put([guess.role], scale=-guess.scale)
+        self.put(wanted, doubt=doubt)
+
 
 def _range(frame: Frame, column: str) -> str:
     """What a column holds, for who must tell what it is."""

@@ -33,16 +33,15 @@ NEAR_GRAVITY = 0.15  # share by which the mean specific force may miss 1 g (bias
 
 def by_data(draft: Draft) -> None:
     """Units, mounting, signs and delays by what the drive shows."""
-    accel = [g for g in draft.guesses if g.role.startswith("imu.accel")]
-    if len({g.role for g in accel}) == len(AXES):
+    if accel := _accelerations(draft):
         unit = gravity_unit([replace(g, valid="") for g in accel])
         if unit and not accel[0].stated:
             draft.put([g.role for g in accel], unit=unit, doubt=f"gravity says that it is {unit}")
-        elif not unit and not accel[0].stated:
-            draft.notes.append("No gravity in the accelerations, so their unit is not certain.")
     _course(draft)
     _steering(draft)
     _sizes(draft)
+    if (accel := _accelerations(draft)) and not accel[0].stated and not accel[0].doubts:
+        draft.notes.append("No gravity in the accelerations, so their unit is not certain.")
     state = _state(draft)
     if state is None:
         draft.notes.append("The mounting is not observable in this drive: check it.")
@@ -57,6 +56,12 @@ def by_data(draft: Draft) -> None:
     for guess in [g for g in draft.guesses if not g.stated and not g.doubts]:
         draft.put([guess.role], doubt=f"nothing states the unit: {guess.unit} is assumed")
     _feeds(draft)
+
+
+def _accelerations(draft: Draft) -> list[Guess]:
+    """Those of all three axes; none where one is missing."""
+    found = [g for g in draft.guesses if g.role.startswith("imu.accel")]
+    return found if len({g.role for g in found}) == len(AXES) else []
 
 
 def _feeds(draft: Draft) -> None:
@@ -140,8 +145,11 @@ def _findings(draft: Draft, state: motion.Examination) -> None:
         unit = re.search(r'unit = "([^"]+)"', finding.advice)
         stated = [g for g in draft.guesses if g.role in finding.signals and g.stated]
         if finding.check == "unit" and unit and not stated:
-            why = f"{finding.found}: {unit[1]} by the data"
-            draft.put(finding.signals, unit=unit[1], doubt=why)
+            scale = re.search(r"scale = ([\d.e-]+)", finding.advice)
+            counts = finding.advice.replace(" Then say", "") if scale else ""
+            why = f"{finding.found}: {counts or f'{unit[1]} by the data'}"
+            size = {"scale": float(scale[1])} if scale else {}
+            draft.put(finding.signals, unit=unit[1], doubt=why, stated=True, **size)
         elif finding.check == "latency" and finding.value is not None:
             roles = [r for r in finding.signals if not r.startswith("imu.")]
             delay = max(0.0, finding.value)
@@ -183,9 +191,9 @@ def _mount(draft: Draft, state: motion.Examination) -> None:
         draft.put(best.exchanged, doubt="each goes with what the other should: exchanged?")
     if best.reversed == ("imu.accel",):
         roles = [f"imu.accel_{axis}" for axis in AXES]
-        draft.put(roles, scale=-1.0, doubt="gravity reads down, as on iOS: all signs turned")
+        draft.turn(roles, "gravity reads down, as on iOS: all signs turned")
     elif best.reversed:
-        draft.put(best.reversed, scale=-1.0, doubt="reversed against the rest of the drive")
+        draft.turn(best.reversed, "reversed against the rest of the drive")
 
 
 def _course(draft: Draft) -> None:

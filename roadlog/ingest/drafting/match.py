@@ -50,6 +50,7 @@ def match(draft: Draft, typed: Collection[int] = ()) -> None:
     for kind in ("accel", "gyro"):
         _triad(draft, [found.pop(f"imu.{kind}_{axis}", []) for axis in AXES])
     _degrees_minutes(found)
+    _hemispheres(found)
     track = _track(found)
     for guesses in found.values():
         best = max(guesses, key=lambda g: (_bears_out(g, track), g.stated, _rate(g.frame)))
@@ -118,6 +119,18 @@ def _degrees_minutes(found: dict[str, list[Guess]]) -> None:
     for guess in both:
         doubt = "by its size degrees and minutes in one number (minutes of arc: scale = 1/60)"
         found[guess.role][0] = replace(guess, unit=DEGREES_MINUTES, scale=1.0, doubts=(doubt,))
+
+
+def _hemispheres(found: dict[str, list[Guess]]) -> None:
+    """Turn positions without sign beside whose column another says S or W."""
+    for role, away in zip(POSITIONS, "SW", strict=True):
+        for guess in found.get(role, ())[:1]:
+            columns = guess.frame.columns
+            # a column of texts is known by its first
+            texts = {str(v[0]).strip().upper() for v in columns.values() if v.dtype.kind == "O"}
+            if away in texts and np.nanmin(columns[guess.column]) >= 0:
+                doubts = (*guess.doubts, f"a column says {away}")
+                found[role][0] = replace(guess, scale=-guess.scale, doubts=doubts)
 
 
 def _read(both: Sequence[Guess]) -> dict[str, list[Guess]]:

@@ -6,6 +6,7 @@ import re
 from contextlib import suppress
 
 from roadlog.errors import ConfigError
+from roadlog.ingest.drafting.abroad import in_english
 from roadlog.ingest.drafting.vocabulary import (
     AROUND,
     NAMES,
@@ -24,7 +25,7 @@ from roadlog.units import SLOPES, UNITS, canonical
 TIME = re.compile(
     r"(?:log|gps|utc|epoch|unix|sys|device|system|elapsed|mess|lauf|uhr|abs|rel|sample)*"
     r"(?:t|time|timestamp|timestamps|epoch|zeit|zeitstempel|stempel|zeitpunkt|uhrzeit|temps|tiempo"
-    r"|tempo|hora|clock|seconds|secs|sec|elapsed|runtime|timeofday|tod|tow|horodatage|heure|orario"
+    r"|tempo|hora|clock|seconds|secs|sec|millis|micros|elapsed|runtime|timeofday|tod|tow|horodatage|heure|orario"
     r"|(?:date|datum|fecha|data|jour)(?:time|zeit|uhrzeit|hora|ora|heure|et?heure)?)"
     r"(?:utc|s|ms|us|ns|sec|hms|stamp|local|relative|absolute|elapsed|rel|abs|since\w*)?"
 )
@@ -221,7 +222,7 @@ def unit_of(name: str, expected: str) -> str:
                 return unit
     words = folded(name).split("_")
     for size in (2, 1):
-        if len(words) > size:
+        if len(words) >= size:  # `knots` alone is both
             for unit in _ENDINGS.get("".join(words[-size:]), []):
                 if UNITS[unit][0] == quantity:
                     return unit
@@ -250,7 +251,7 @@ def _leaf(name: str) -> str:
 
 def folded(name: str) -> str:
     """`AccelX(g)`, `accel.x` and `accel_x` alike: words in lower case between underscores."""
-    name = name.replace("ß", "ss")
+    name = in_english(name).replace("ß", "ss")
     for letter, written in (
         ("ä", "ae"),
         ("ö", "oe"),

@@ -2,8 +2,8 @@
 
 A form is a regular expression for a whole name in lower case, without accents, blanks, units and
 the words around it that say where it was measured (`AccX_IMU1` is `accx`, `vFzg_HL` is `vfzghl`).
-English, German, French and Spanish; VBOX, AiM, MoTeC, RaceChrono, OxTS, dSPACE, ETAS, J1939 and the
-buses of car makers.
+English, German and Romance languages, other scripts by way of English (`abroad`); VBOX, AiM,
+MoTeC, RaceChrono, OxTS, dSPACE, ETAS, J1939 and the buses of car makers.
 """
 
 from __future__ import annotations
@@ -32,9 +32,13 @@ _SPEED = (
 _WHEEL = r"(?:wheels?|whls?|w|rad|raeder|roue|rueda|ruota|roda|ws)"
 _TURN = r"(?:speed|spd|vel|velocity|v|geschw\w*?|vitesse|velocidad|w)?(?:based)?"
 _SLOPE = (
-    r"(?:slope|grade|gradient|incline|steigung|laengsneigung|langsneigung|neigung|pente|pendiente)"
+    r"(?:slope|grade|gradient|incline|steigung|laengsneigung|langsneigung|neigung|pente|pendiente"
+    r"|pendenza|inclinacao)"
 )
-_BANK = r"(?:bank|crossslope|crossfall|camber|querneigung|devers|peralte|superelevation)"
+_BANK = (
+    r"(?:bank|crossslope|crossfall|camber|querneigung|devers|peralte|superelevation"
+    r"|pendenzatrasversale|sopraelevazione)"
+)
 
 CORNERS = {
     "fl": r"(?:fl|lf|vl|flh|frontleft|leftfront|frleft|vornelinks|vorneli|delanteraizquierda"
@@ -85,22 +89,25 @@ NAMES: dict[str, tuple[str, ...]] = {
         r"vfzg(?:hl|hr|vl|vr|h|v)?",
         r"vveh|vehv|vlong|vlon|vehvv|vactl\w*|velocidad(?:del)?vehiculo|vitesse(?:du)?vehicule|velocita(?:del)?veicolo|velocidade(?:do)?veiculo|speedovergrnd|sog|gspeed",
     ),
+    "gnss.speed": (r"knots|kts",),  # a unit for a name: of a receiver
     "gnss.climb": (
         r"(?:vert|vertical|v|climb|up|steig|vertikal)(?:vel|velocity|speed|spd|geschw\w*)",
         r"climb(?:rate)?|velup|vup|vertvelocity|steigrate|(?:vitesse|velocidad|velocita)vertical\w*",
     ),
     "gnss.latitude": (
-        r"lat|latitude|breite|breitengrad|geo(?:gr\w*)?breite(?:ngrad)?|latitud|latdeg",
+        r"lat|latitude|breite|breitengrad|geo(?:gr\w*)?breite(?:ngrad)?|latitud|latitudine|latdeg"
+        r"|breedtegraad",
     ),
     "gnss.longitude": (
-        r"lon|long|lng|longitude|laenge|laengengrad|langengrad|lange|geo(?:gr\w*)?laenge(?:ngrad)?|longitud",
+        r"lon|long|lng|longitude|laenge|laengengrad|langengrad|lange|geo(?:gr\w*)?laenge(?:ngrad)?"
+        r"|longitud|longitudine|lengtegraad",
     ),
     "gnss.altitude": (
-        r"alt|altitude|height|elevation|elev|h(?:oe|o)he(?:ueber(?:nh?n|meer\w*|null\w*))?|altura|altitud|quota|hmsl|altmsl|heightmsl"
+        r"alt|alti|altitude|altitudine|hoogte|height|elevation|elev|h(?:oe|o)he(?:ueber(?:nh?n|meer\w*|null\w*))?|altura|altitud|quota|hmsl|altmsl|heightmsl"
         r"|msl|mslaltitude|altitudemsl|ellipsoidheight|h(?:gps|gnss)|(?:gps|gnss)h",
     ),
     "gnss.course": (
-        r"course|bearing|cog|track|trackangle|kurs|cap|rumbo|heading|hdg|courseoverground|headmot",
+        r"course|bearing|cog|track|trackangle|kurs|koers|cap|rumbo|rumo|rotta|heading|hdg|courseoverground|headmot",
     ),
     "steering.road_wheel_angle": (
         r"(?:steer|steering|steered|stwhl|strwhl|strgwhl|strg|lenkrad|lenk|lrw|swa|sas|volante?)"
@@ -143,8 +150,10 @@ TURNS: dict[str, tuple[str, ...]] = {
 REFERENCES: dict[str, tuple[str, ...]] = {
     "truth.grade": (rf"(?:road|fahrbahn|strassen)?{_SLOPE}(?:angle|winkel)?",),
     "truth.bank": (rf"(?:road|fahrbahn|strassen)?{_BANK}(?:angle|winkel)?",),
-    "truth.inclination": (r"(?:pitch|nick|inclination|tangage|cabeceo)(?:angle|winkel)?",),
-    "truth.roll_total": (r"(?:roll|wank|roulis|alabeo)(?:angle|winkel)?",),
+    "truth.inclination": (
+        r"(?:pitch|nick|inclination|tangage|cabeceo|beccheggio)(?:angle|winkel)?",
+    ),
+    "truth.roll_total": (r"(?:roll|wank|roulis|alabeo|rollio)(?:angle|winkel)?",),
 }
 
 # words that say where, of which device or how filtered
@@ -159,7 +168,9 @@ AROUND = re.compile(
     r"bmi|bno|mpu|icm|lsm\w*|adxl|mti|sbg"
 )
 SATELLITE = re.compile(r"gps|gnss|rtk|nav|dgps|fix|ublox|sat")
-TRUE = re.compile(r"true|truth|ref|reference|gt|rtk|survey|soll|referenz|verite|verdad")
+TRUE = re.compile(
+    r"true|truth|ref|reference|gt|rtk|survey|soll|referenz|verite|verdad|rif|riferimento|referencia"
+)
 # words of names that are something else
 OTHER = (
     r"valid|accuracy|genauigkeit|precision|status|quality|limit|target|setpoint|engine|turbine|wiper"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterator
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -30,12 +31,35 @@ _DATE = re.compile(
 )
 
 
+# code page -> its most common letters, as bytes: Japanese; Korean, then Chinese, whose common
+# characters begin where Korean letters do
+_LETTERS = {
+    "cp932": rb"[\x81-\x9f][\x40-\x7e\x80-\xfc]",
+    "cp949": rb"[\xb0-\xc8][\xa1-\xfe]",
+    "gb18030": rb"[\xb0-\xd7][\xa1-\xfe]",
+}
+_MOSTLY = 0.8  # of what is not ASCII
+_CYRILLIC = rb"[\xc0-\xff]{3}"  # Western words have no three letters with accents in a row
+
+
 def decoded(line: bytes) -> str:
-    """UTF-8, or where it is not (a unit written by another program), Windows-1252."""
+    """UTF-8, or where it is not (a unit written by another program), the code page of its bytes."""
     try:
         return line.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return line.decode("cp1252", "replace")
+        return line.decode(_code_page(line), "replace")
+
+
+def _code_page(line: bytes) -> str:
+    """The one of whose common letters a line is, else Windows-1252."""
+    for name, letter in _LETTERS.items():
+        found = len(re.findall(letter, line))
+        if found > 1:
+            with suppress(UnicodeDecodeError):
+                strange = sum(not c.isascii() for c in line.decode(name))
+                if found > _MOSTLY * strange:
+                    return name
+    return "cp1251" if re.search(_CYRILLIC, line) else "cp1252"
 
 
 def lines_of(path: Path) -> Iterator[str]:
