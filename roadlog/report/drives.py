@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from roadlog import estimators
+from roadlog.drive import Drive
 from roadlog.errors import RoadlogError
+from roadlog.estimate import Estimate
 from roadlog.log import DriveLog
 from roadlog.report.sources import FoundLog, local_copy
 from roadlog.roads.passes import Pass, pass_of
@@ -42,5 +46,18 @@ def _driven(log: DriveLog, name: str, estimator: str) -> Driven:
     else:
         estimate = estimators.run(estimator, drive, log.vehicle)
     road = pass_of(drive, estimate, log.vehicle, name)
-    why = "" if road is not None else f"needs positions, a speed and the grade of {estimator}"
+    why = "" if road is not None else _why(drive, estimate)
     return Driven(name, road, why, tuple(log.losses))
+
+
+def _why(drive: Drive, estimate: Estimate) -> str:
+    """What a drive without a pass lacks."""
+    if not {"gnss.latitude", "gnss.longitude"} <= set(drive.signals):
+        return "needs positions"
+    if not drive.has_speed:
+        return "needs a speed"
+    if "grade" not in estimate.angles or not np.isfinite(estimate.sd.get("grade", np.nan)).any():
+        return f"needs a grade with its sd, and {estimate.name} gives none"
+    if not estimate.valid.any():
+        return f"the grade of {estimate.name} is valid nowhere; `roadlog estimate` says why"
+    return "nowhere is a position known on the move where the grade is valid"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from support.drives import Run, hill_tables
 from support.mountain_road import HOME, mountain_road
 
-from roadlog.log import create
+from roadlog.log import DriveLog, create
 from roadlog.roads import formats
 from roadlog.roads.model import road_of
 from roadlog.simulate import simulate
@@ -99,3 +100,25 @@ def test_options_are_checked_before_any_drive_is_read(
     assert done.returncode == code
     assert words in " ".join(done.stderr.replace("│", " ").split())
     assert "no such file" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"valid": False}, "the grade of kmbe is valid nowhere"),
+        ({"sd": {}}, "needs a grade with its sd, and kmbe gives none"),
+    ],
+)
+def test_an_estimate_without_a_usable_grade_is_no_lack_of_positions(
+    roadlog: Run, drives: Path, tmp_path: Path, changes: dict[str, object], words: str
+) -> None:
+    path = tmp_path / "drive.mcap"
+    path.write_bytes((drives / "there.mcap").read_bytes())
+    with DriveLog(path) as log:
+        made = log.estimate("kmbe")
+        if "valid" in changes:
+            changes = {"valid": np.zeros(len(made.time), np.bool_)}
+        log.write([replace(made, **changes)])
+    done = roadlog("road", path, "-e", "kmbe", "-o", "x.csv")
+    assert done.returncode == 1
+    assert f"left out: {words}" in " ".join(done.stderr.split())
