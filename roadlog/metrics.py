@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
@@ -193,7 +194,7 @@ def no_estimates(log: DriveLog) -> str:
         if log.losses
         else "has no estimates yet"
     )
-    return f"{log.path}: {what}; run `roadlog estimate {log.path}`"
+    return f"{log.path}: {what}; run `roadlog estimate {shlex.quote(str(log.path))}`"
 
 
 def evaluate(log: DriveLog, skip: float = DEFAULT_SKIP, remove_offset: bool = False) -> Evaluation:

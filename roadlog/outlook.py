@@ -1,7 +1,8 @@
 """What a log is good for: per angle which estimator to take, how accurate it will be, what to add.
 
 The figures are RMS errors of simulated drives of the full car with what a log may lack left out;
-outlook.csv, made by `benchmarks/outlook.py`. A log in which a check finds a fault does worse.
+outlook.csv, made by `benchmarks/outlook.py`. Whether they hold tells `benchmarks/promised.py`. A
+log in which a check finds a fault does worse.
 """
 
 from __future__ import annotations
@@ -21,6 +22,9 @@ from roadlog.signals import AXES, SEPARATED
 
 BENDS = np.pi  # rad of turning to either side from which a drive has bends
 WORTH = 0.8  # of the error now, at most: what is worth adding
+LATERAL = 1.27  # m/s2 RMS, of the drives with bends that the figures are of
+BRIEF = 100.0  # s; bends of less do not tell the accelerometers' zero
+STANDS = 0.5  # m/s, at most
 SHAKEN = 0.02  # (m/s2)/sqrt(Hz); car loggers have 0.001 to 0.016, phones 0.04 to 0.1
 
 
@@ -65,7 +69,7 @@ class SensorSet:
             words = "an IMU that is fixed firmly and filters before it samples"
             yield words, replace(self, steady=True)
         if not self.gnss:
-            yield "a GNSS receiver with velocity", replace(self, gnss=True)
+            yield "a GNSS receiver with velocity, up and down too", replace(self, gnss=True)
         if not self.torque:
             yield "drive and brake torques", replace(self, torque=True)
         if not self.antennas:
@@ -97,6 +101,24 @@ def noise(drive: Drive) -> float:
             interval = float(np.median(np.diff(samples.time[known])))
             found.append(np.sqrt(np.mean(steps**2) / 6 * interval))
     return float(np.median(found)) if found else np.inf
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How a drive is driven. lateral: RMS of the lateral acceleration, m/s2. moving: s."""
+
+    lateral: float = LATERAL
+    moving: float = np.inf
+
+    @classmethod
+    def of(cls, drive: Drive) -> Manner:
+        """That of a drive; the usual one where it has no speed or no yaw rate."""
+        if not drive.has_speed or "imu.gyro_z" not in drive.signals:
+            return cls()
+        speed = drive.speed
+        square = np.nanmean((speed * drive.signals["imu.gyro_z"]) ** 2)
+        moving = float(np.sum(np.abs(speed) > STANDS)) / drive.rate
+        return cls(float(np.sqrt(square)) if np.isfinite(square) else LATERAL, moving)
 
 
 # of the others, where there is no `fusion`, the best first; docs/consistency.md, deg
@@ -134,17 +156,20 @@ class Outlook:
 
 
 def outlook(
-    sensors: SensorSet, able: Collection[str], lacking: Collection[str] = ()
+    sensors: SensorSet,
+    able: Collection[str],
+    lacking: Collection[str] = (),
+    manner: Manner = Manner(),
 ) -> list[Outlook]:
     """For each angle, what to expect of a drive. able: estimators that can run on it. lacking: what
     `fusion` would need.
     """
     if "fusion" in able:
-        return [_of_fusion(sensors, k) for k in range(len(SEPARATED))]
+        return [_of_fusion(sensors, manner, k) for k in range(len(SEPARATED))]
     found = []
     for k, angle in enumerate(SEPARATED):
         name = next((name for name in OTHERS[angle] if name in able), "")
-        now, better = OTHERS[angle].get(name), accuracies()[known(sensors)][k]
+        now, better = OTHERS[angle].get(name), expected(sensors, manner)[k]
         if now is not None and better > WORTH * now:
             found.append(Outlook(angle, name, now))
         else:
@@ -161,9 +186,27 @@ def _needed(lacking: Collection[str]) -> str:
     return " and ".join(parts or kinds.values())
 
 
-def _of_fusion(sensors: SensorSet, k: int) -> Outlook:
-    now = accuracies()[known(sensors)][k]
-    ways = [(accuracies()[known(more)][k], words) for words, more in sensors.with_more()]
+def expected(sensors: SensorSet, manner: Manner) -> tuple[float, ...]:
+    """RMS errors of `fusion` in grade, bank, pitch and roll, deg.
+
+    How far the body leans on unknown springs grows with the lateral acceleration, and brief bends
+    leave the accelerometers' zero as unknown as a straight drive does.
+    """
+    now = accuracies()[known(sensors)]
+    if not sensors.turns:
+        return now
+    firm = accuracies()[known(replace(sensors, springs=True))]
+    share = (manner.lateral / LATERAL) ** 2
+    leaning = [f**2 + max(0.0, n**2 - f**2) * share for n, f in zip(now, firm, strict=True)]
+    grade, bank, pitch, roll = now[0], np.sqrt(leaning[1]), now[2], np.sqrt(leaning[3])
+    if manner.moving < BRIEF:
+        grade = max(grade, accuracies()[known(replace(sensors, turns=False))][0])
+    return grade, float(bank), pitch, float(roll)
+
+
+def _of_fusion(sensors: SensorSet, manner: Manner, k: int) -> Outlook:
+    now = expected(sensors, manner)[k]
+    ways = [(expected(more, manner)[k], words) for words, more in sensors.with_more()]
     best, words = min(ways, key=lambda way: way[0], default=(now, ""))
     if best > WORTH * now:
         return Outlook(SEPARATED[k], "fusion", now)

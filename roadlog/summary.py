@@ -15,7 +15,7 @@ from roadlog.drive import Drive, stale_limit, without_strays
 from roadlog.errors import ConfigError, LogReadError
 from roadlog.for_viewers import is_for_viewers
 from roadlog.log import DriveLog
-from roadlog.outlook import Outlook, SensorSet, outlook
+from roadlog.outlook import Manner, Outlook, SensorSet, outlook
 from roadlog.signals import SECTIONS, SIGNALS, split_estimate_topic
 from roadlog.stamps import main_span
 from roadlog.storage import Channel, Table
@@ -144,7 +144,9 @@ def summarize(log: DriveLog) -> LogSummary:
         found,
         able,
         sensors,
-        outlook(sensors, [e.name for e in able if e.can_run], lacking) if sensors else [],
+        []
+        if drive is None or sensors is None
+        else outlook(sensors, [e.name for e in able if e.can_run], lacking, Manner.of(drive)),
     )
 
 

@@ -12,8 +12,20 @@ from support.drives import hill_tables
 from roadlog import estimators
 from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
-from roadlog.outlook import SHAKEN, SensorSet, accuracies, known, noise, outlook
+from roadlog.outlook import (
+    BRIEF,
+    LATERAL,
+    SHAKEN,
+    Manner,
+    SensorSet,
+    accuracies,
+    expected,
+    known,
+    noise,
+    outlook,
+)
 from roadlog.signals import SEPARATED
+from roadlog.simulate import simulate
 
 NOISE = 1.35, 0.06  # share and deg: figures of three or four drives, with a lean to either side
 
@@ -44,6 +56,31 @@ def test_a_straight_drive_without_receiver_is_told_what_helps() -> None:
     assert "GNSS" in grade.better
     assert grade.better_deg is not None
     assert grade.better_deg < grade.accuracy_deg
+
+
+def test_how_a_drive_is_driven_is_in_its_figures() -> None:
+    sensors = SensorSet(gnss=True, turns=True, steady=True, mounted=True)
+    usual = expected(sensors, Manner())
+    assert usual == pytest.approx(accuracies()[sensors])
+    grade, bank, pitch, roll = expected(sensors, Manner(lateral=2 * LATERAL))
+    assert (grade, pitch) == (usual[0], usual[2])
+    assert 1.5 * usual[1] < bank < 2 * usual[1]  # what the springs leave doubles
+    assert 1.9 * usual[3] < roll < 2 * usual[3]
+    known_springs = replace(sensors, springs=True)
+    fast = expected(known_springs, Manner(lateral=2 * LATERAL))
+    assert fast == pytest.approx(expected(known_springs, Manner()))
+    speed = replace(sensors, gnss=False, mounted=False)
+    brief = expected(speed, Manner(moving=BRIEF - 1))
+    assert brief[0] == accuracies()[replace(speed, turns=False)][0] > expected(speed, Manner())[0]
+
+
+def test_the_manner_of_a_drive_is_measured() -> None:
+    made = simulate("ryu2004-laps", seed=1)
+    manner = Manner.of(Drive.from_tables(made.tables))
+    assert manner.lateral == pytest.approx(9.5**2 / 30, rel=0.05)  # m/s, m
+    assert manner.moving == pytest.approx(88, abs=1)
+    lone = Drive.from_tables(hill_tables(seed=None))
+    assert Manner.of(lone).lateral < 0.1
 
 
 @pytest.mark.parametrize("rate", [10.0, 25.0, 100.0])

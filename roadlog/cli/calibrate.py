@@ -55,6 +55,7 @@ def calibrate(
         console.print_json(_report(found, opened, out))
     else:
         _print(found, out)
+    console.next_step(["estimate", logs[0], "--vehicle", out])
     console.warn_losses(
         [
             *opening.losses(opened),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+import shlex
 import sys
 from collections.abc import Sequence
 from typing import Any, Literal
@@ -57,10 +58,11 @@ def notes(texts: Sequence[str]) -> None:
         note(f"{plural(len(texts) - len(shown), 'more note')} with -v")
 
 
-def next_step(command: str) -> None:
-    """The command that usually follows, for people at a terminal. Not with -q."""
+def next_step(*commands: Sequence[object]) -> None:
+    """The commands that usually follow, for people at a terminal. Not with -q."""
     if not quiet and sys.stderr.isatty():
-        complain(f"next: {command}")
+        typed = (shlex.join(["roadlog", *map(str, words)]) for words in commands)
+        complain(f"next: {', or '.join(typed)}")
 
 
 def plural(count: int, name: str) -> str:

@@ -326,4 +326,4 @@ def _print(report: dict[str, Any], lost: Sequence[str]) -> None:
     refused = [f"{name} cannot run: {reason}" for name, reason in report["cannot_run"].items()]
     notes += [line for line in refused if not any(loss.endswith(line) for loss in lost)]
     console.notes(notes)
-    console.next_step(f"roadlog evaluate {report['log']}, or roadlog view {report['log']}")
+    console.next_step(["evaluate", report["log"]], ["view", report["log"]])

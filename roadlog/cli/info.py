@@ -37,6 +37,7 @@ def info(
         console.print_json(asdict(summary))
     else:
         _print(summary, is_whole=not opened.losses)
+        _say_next(summary)
     console.warn_losses(opening.losses([opened]))
 
 
@@ -88,6 +89,13 @@ def _print(summary: LogSummary, is_whole: bool) -> None:
             console.say(f"cannot run: {estimator.name}: {estimator.reason}")
 
 
+def _say_next(summary: LogSummary) -> None:
+    """What follows where nothing is to be mended first."""
+    faulty = any(finding.level == "fault" for finding in summary.checks)
+    if not faulty and any(estimator.can_run for estimator in summary.estimators):
+        console.next_step(["estimate", summary.log])
+
+
 def _print_way_out(summary: LogSummary) -> None:
     """Of a log with heights and nothing else that tells a grade."""
     roles = {signal.role for signal in summary.signals}
@@ -126,8 +134,9 @@ def _print_outlook(summary: LogSummary) -> None:
     columns = ["angle", "best estimator", "expected RMSE, deg", "what would help most"]
     title = "once the CHECKs above are mended:" if spoilt else ""
     console.print_table(columns, rows, title, left=2, remark=True)
-    console.say("expected: of simulated cars with these sensors and")
-    console.say(f"{summary.sensors}; the sd of `estimate` is that of this log")
+    console.say(f"expected: of simulated cars with these sensors and {summary.sensors},")
+    console.say("accelerometers true to 0.015 m/s2; half of other simulated drives were within it,")
+    console.say("19 of 20 within twice. The sd of `estimate` is that of this log")
     console.say("")
 
 

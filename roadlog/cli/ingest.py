@@ -79,6 +79,7 @@ def ingest(
         with life.working(f"writing {out.name}"):
             create(out, result.tables, result.metadata, given)
     _print(result, out)
+    console.next_step(["info", out])
     console.warn_losses(result.losses)
 
 

@@ -64,8 +64,7 @@ def plot(
     with output(out, [*logs, profile], force=force):
         opened = [opening.opened(path, profile) for path in logs]
         shown = drive_view(opened, names or ())
-        for note in [*shown.notes, *([] if further else shown.left_out(part.angles))]:
-            console.note(note)
+        console.notes([*shown.notes, *([] if further else shown.left_out(part.angles))])
         write_figure(in_percent(shown) if slope == "percent" else shown, out, part, further or ())
     drawn = ", ".join(shown.drawn(part.angles, further or ()))
     console.say(f"{out}: {drawn or 'the truth alone; no estimates are in the log'}")

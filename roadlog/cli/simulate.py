@@ -70,6 +70,7 @@ def simulate(
     duration = simulation.motion.time[-1]
     name = simulation.scenario.name
     console.say(f"{out}: {name}, {duration:.1f} s, seed {seed}, {messages} messages")
+    console.next_step(["estimate", out])
 
 
 def _road(path: Path | None) -> RoadModel | None:

@@ -64,6 +64,21 @@ def test_notes_are_few_unless_asked_for(
     assert capsys.readouterr().err == ""
 
 
+def test_the_next_step_can_be_typed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    step = ["evaluate", Path("Run 3 (wet).mcap")], ["view", "a.mcap"]
+    console.next_step(*step)
+    assert capsys.readouterr().err == ""  # no person reads it
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    console.next_step(*step)
+    said = capsys.readouterr().err
+    assert "next: roadlog evaluate 'Run 3 (wet).mcap', or roadlog view a.mcap" in said
+    monkeypatch.setattr(console, "quiet", True)
+    console.next_step(*step)
+    assert capsys.readouterr().err == ""
+
+
 def test_one_and_many() -> None:
     assert console.plural(1, "estimate") == "1 estimate"
     assert console.plural(2, "estimate") == "2 estimates"

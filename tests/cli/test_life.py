@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -26,6 +27,8 @@ COMMANDS = {
     "view": ["view", LOGS / "hill.mcap", "--save", "hill.rrd"],
     "reproduce": ["reproduce", "luo2024"],
     "report": ["report", LOGS, "-o", "report", "-e", "kmbe", "--jobs", "1"],
+    "export": ["export", LOGS / "pass.mcap", "-o", "pass.csv", "--every", "10m"],
+    "plot": ["plot", ROOT / "tests" / "data" / "roadlog-0.1.0.mcap", "-o", "old.png"],
     "road": ["road", LOGS / "pass.mcap", "-o", "pass.csv"],
 }
 
@@ -79,6 +82,24 @@ def test_life_is_shown_at_once_and_ctrl_c_leaves_nothing(name: str, tmp_path: Pa
     assert code in (0, 130)
     assert seen.rstrip().splitlines()[-1].split(b"\r")[-1].startswith(b"roadlog: ") or code == 0
     assert [p.name for p in tmp_path.iterdir() if p.name.startswith(".") or ".tmp" in p.name] == []
+
+
+@pytest.mark.parametrize(
+    ("command", "following"),
+    [
+        (["info", LOGS / "pass.mcap"], ["estimate", LOGS / "pass.mcap"]),
+        (COMMANDS["ingest"], ["info", "o.mcap"]),
+        (["simulate", "massel2004-quasi", "-o", "m.mcap"], ["estimate", "m.mcap"]),
+        (COMMANDS["calibrate"], ["estimate", LOGS / "pass.mcap", "--vehicle", "car.toml"]),
+    ],
+)
+def test_the_next_step_stands_last(
+    command: list[object], following: list[object], tmp_path: Path
+) -> None:
+    _, seen, code = first_sign(command, tmp_path, b"nothing that is said")
+    assert code == 0
+    last = seen.decode().rstrip().splitlines()[-1].split("\r")[-1]
+    assert last == f"roadlog: next: {shlex.join(['roadlog', *map(str, following)])}"
 
 
 def test_nothing_moves_where_nobody_looks(tmp_path: Path) -> None:
