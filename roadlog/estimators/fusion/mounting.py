@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadlog.car.vehicle import STATED_MOUNTING, Vehicle
+from roadlog.estimators.fusion.load import LADEN_SD
 from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.states import MOUNTING, State
 from roadlog.estimators.fusion.steps import HEIGHTS, Fix, Steps, has, last
@@ -38,8 +39,9 @@ class Mounting:
     sd: Floats
 
     def wrong(self, found: Floats) -> Bools:
-        """(3,), whether each angle is further from its prior than that allows."""
-        return np.abs(found - self.mean) > CONFLICT * self.sd
+        """(3,), whether each angle is further from its prior than that and a load allow."""
+        sd = np.hypot(self.sd, [0.0, LADEN_SD, 0.0])
+        return np.abs(found - self.mean) > CONFLICT * sd
 
     def turned(self, found: Floats, mean_bank: float | None) -> Mounting:
         """Turned by what the data found, so that it is small again.

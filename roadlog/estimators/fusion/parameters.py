@@ -30,7 +30,12 @@ class FusionParameters:
     )
     roll_gain_sd: float = parameter(0.002, "rad/(m/s2)", "prior; cars roll 3 to 7 deg/g")
     load_pitch_sd: float = parameter(
-        0.0, "rad", "prior of the body's pitch by load; 0: pitch is against the unmoving body"
+        0.0, "rad", "prior of the body's pitch by a load that is there; 0: perhaps there is none"
+    )
+    load_roll_sd: float = parameter(
+        0.2 * DEG,
+        "rad",
+        "of the body's roll by load, that no row shows; a driver alone: 0.1 to 0.25",
     )
     accel_noise: float = parameter(0.03, "m/s2/sqrt(Hz)", "forward and sideways")
     vertical_noise: float = parameter(0.05, "m/s2/sqrt(Hz)", "upward, at least")

@@ -16,9 +16,10 @@ from roadlog.errors import EstimatorError
 from roadlog.estimators.fusion.body import body_pitch, body_roll
 from roadlog.estimators.fusion.consistency import Consistency, believed, tempered
 from roadlog.estimators.fusion.fit import Fit
+from roadlog.estimators.fusion.load import LADEN, UNKNOWN_SD, USUAL_SD, load_pitch
+from roadlog.estimators.fusion.mounting import mounting_prior
 from roadlog.estimators.fusion.noise import ROAD_BAND
 from roadlog.estimators.fusion.outputs import Output
-from roadlog.estimators.fusion.priors import LOAD_SD
 from roadlog.estimators.fusion.recursion import OWN_STATES
 from roadlog.estimators.fusion.smoother import Smoothed, smooth
 from roadlog.estimators.fusion.states import (
@@ -60,6 +61,7 @@ ANGLE_STATES = (  # what the angles are made of
     State.BODY_PITCH,
     State.BODY_ROLL,
 )
+ROAD_ROWS = Row.SPEED, Row.SLIP, Row.CONTACT  # that tell the constants
 UNITS = "its states end as no number: check units, axes and clocks (`roadlog info`)"
 # rad, of an offset that the road alone tells: of a mounting that nobody stated, and of a stated one
 LOOSE_PITCH, LOADED_PITCH = np.radians(0.5), np.radians(0.3)
@@ -99,12 +101,13 @@ def solved(fit: Fit, engine: Engine) -> Solution:
         raise EstimatorError("fusion cannot run: IMU and speed do not fit one car; " + UNITS)
     consistency = Consistency.of(fit, smoothed.x_end)
     offset, shares = _offset_variance(fit, smoothed, consistency)
+    load, doubt = _load(fit, smoothed, consistency)
     return Solution(
         fit=fit,
         time=grid(fit.inputs.drive),
-        angles=_angles(fit, smoothed, shares),
+        angles=_angles(fit, smoothed, shares, load),
         known=np.isfinite(smoothed.shape_variance[:, Output.GRADE]),
-        variance=_variances(fit, smoothed, offset, consistency),
+        variance=_variances(fit, smoothed, offset, doubt, consistency),
         offset_sd=np.sqrt(offset),
         shape_sd=consistency.shape * np.sqrt(smoothed.shape_variance),
         constants=_constants(fit, smoothed, consistency),
@@ -119,12 +122,12 @@ def _used(innovations: Floats) -> dict[Row, tuple[NDArray[np.int64], Floats]]:
     return {row: (used, innovations[used, row]) for row, used in at.items() if len(used)}
 
 
-def _angles(fit: Fit, smoothed: Smoothed, shares: Floats) -> dict[str, Floats]:
+def _angles(fit: Fit, smoothed: Smoothed, shares: Floats, load: float) -> dict[str, Floats]:
     """The road's and the body's angles.
 
-    Mounting and load turn the body alike: data give their sum, the priors divide it. Of what the
-    road does faster than ROAD_BAND the body's own bounce is the larger part; it counts as body.
-    shares (2,): of the offsets found of grade and bank, what is believed.
+    Of what the road does faster than ROAD_BAND the body's own bounce is the larger part; it counts
+    as body.
+    shares (2,): of the offsets found of grade and bank, what is believed. load: rad, pitch by it.
     """
     x, s = dict(zip(ANGLE_STATES, smoothed.x.T, strict=True)), fit.steps.sway.T
     begin = fit.steps.starts[0]
@@ -138,11 +141,10 @@ def _angles(fit: Fit, smoothed: Smoothed, shares: Floats) -> dict[str, Floats]:
         grade, bank = inclination - body_pitch(x, s), roll_total - body_roll(x, s)
     if fit.inputs.params.smooth:
         grade, bank = _slow(grade, fit.steps.alive), _slow(bank, fit.steps.alive)
-    mounted = fit.inputs.mounting.turn(smoothed.x_end[MOUNTING])[1]
     return {
         "grade": grade,
         "bank": bank,
-        "pitch": inclination - grade + _load_share(fit) * mounted,
+        "pitch": inclination - grade + load,
         "roll": roll_total - bank,
     }
 
@@ -155,15 +157,21 @@ def _slow(values: Floats, alive: Bools) -> Floats:
     return result
 
 
-def _load_share(fit: Fit) -> float:
-    """Of the constant pitch that the data give: what of it the load is expected to make.
-
-    A car whose springs nobody described may have been driven with any load.
-    """
-    vehicle, load = fit.inputs.vehicle, fit.inputs.params.load_pitch_sd
-    if not load and not knows_springs(vehicle, "pitch"):
-        load = LOAD_SD
-    return float(load**2 / (load**2 + fit.inputs.mounting.sd[1] ** 2))
+def _load(fit: Fit, smoothed: Smoothed, consistency: Consistency) -> tuple[float, float]:
+    """rad and rad2, of the pitch that the load makes of the constant one that was found."""
+    at, inputs, own = State.MOUNTING_PITCH, fit.inputs, fit.inputs.params.load_pitch_sd
+    usual = USUAL_SD if knows_springs(inputs.vehicle, "pitch") else UNKNOWN_SD
+    prior = (own, 0.0) if own else (usual, LADEN)
+    before, after = fit.P0[at, at], smoothed.P_end[at, at]
+    # what the data say alone, without the prior
+    shared = _loose_pitch(fit) ** 2
+    told = 1 / tempered(after, before, consistency.factor(*ROAD_ROWS), shared) - 1 / before
+    if told <= 0:
+        return load_pitch(0.0, np.inf, 0.0, *prior)
+    away = smoothed.x_end[at] - fit.steps.starts[0, at]
+    found = inputs.mounting.turn(smoothed.x_end[MOUNTING])[1] + away * after / (before - after)
+    mounting = mounting_prior(inputs.vehicle, inputs.params)  # before it was turned, and in doubt
+    return load_pitch(found, told**-0.5, mounting.sd[1], *prior)
 
 
 def _offset_variance(
@@ -188,11 +196,14 @@ def _offset_variance(
 
 
 def _variances(
-    fit: Fit, smoothed: Smoothed, offset: Floats, consistency: Consistency
+    fit: Fit, smoothed: Smoothed, offset: Floats, load: float, consistency: Consistency
 ) -> dict[str, Floats]:
-    """rad2, of every output at the smoother's steps. offset (n, 2): of grade and of bank."""
-    share, at = _load_share(fit), State.MOUNTING_PITCH
-    static = share**2 * smoothed.P_end[at, at] + share * fit.inputs.mounting.sd[1] ** 2
+    """rad2, of every output at the smoother's steps.
+
+    offset (n, 2): of grade and of bank. load: of the body's pitch by it; its roll is in no sum.
+    """
+    static = dict.fromkeys((Output.PITCH, Output.INCLINATION), load)
+    static |= dict.fromkeys((Output.ROLL, Output.BANK), fit.inputs.params.load_roll_sd**2)
     result = {}
     for output in Output:
         whole = smoothed.variance[:, output]
@@ -202,8 +213,7 @@ def _variances(
             whole = np.maximum(whole - known, 0.0) * consistency.shape**2 + offset[:, column]
         else:
             whole = whole * consistency.shape**2
-        is_body = output in (Output.INCLINATION, Output.PITCH)
-        result[output.name.lower()] = whole + (static if is_body else 0.0)
+        result[output.name.lower()] = whole + static.get(output, 0.0)
     return result
 
 
@@ -220,7 +230,7 @@ def _constants(fit: Fit, smoothed: Smoothed, consistency: Consistency) -> dict[s
     x[MOUNTING] = mounting.rpy(x[MOUNTING])
     x[State.SPEED_DELAY] += fit.inputs.source.lag
     before, after = (np.diag(turn @ P @ turn.T) for P in (fit.P0, smoothed.P_end))
-    sd = np.sqrt(tempered(after, before, consistency.factor(Row.SPEED, Row.SLIP, Row.CONTACT)))
+    sd = np.sqrt(tempered(after, before, consistency.factor(*ROAD_ROWS)))
     columns = {}
     for state in CONSTANTS:
         columns[state.name.lower()] = x[[state]]
