@@ -19,12 +19,14 @@ from roadlog.estimators.fusion.noise import Noise, noise_of
 from roadlog.estimators.fusion.parameters import FusionParameters
 from roadlog.estimators.fusion.priors import priors
 from roadlog.estimators.fusion.speed import gnss_delay
-from roadlog.estimators.fusion.states import CONSTANTS, Row, State
+from roadlog.estimators.fusion.states import CONSTANTS, GYRO_BIAS, Row, State
 from roadlog.estimators.fusion.steps import Steps, beginning, last
 from roadlog.types import Floats
+from roadlog.units import DEG
 
 MAX_ROUNDS = 4  # of adapting
 RELIEVED = 0.8  # share to which a bias that walks faster must bring a misfit to be its cause
+GOOD_GYRO, LIKE_OTHERS = 0.3 * DEG, 2.0  # rad/s, and times the largest bias that was found
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,7 @@ def fitted(drive: Drive, vehicle: Vehicle, params: FusionParameters) -> Fit:
     fit = begun(mounting_prior(vehicle, params))
     for _ in range(MAX_ROUNDS):
         fit, x = _adapted(fit)
+        fit = replace(fit, P0=_alike(fit.P0, x[last(beginning(fit.steps))]))
         turned = straightened(beginning(fit.steps), fit.inputs.mounting, x)
         if turned is None or not params.smooth:
             break
@@ -118,6 +121,18 @@ def _wandering(fit: Fit, steps: Steps) -> tuple[Fit, Floats, Floats]:
         if wrong(alike, Row.SPEED) < min(CHANGED, RELIEVED * wrong(best, Row.SPEED)):
             return alike
     return best
+
+
+def _alike(P0: Floats, x: Floats) -> Floats:
+    """P0 with gyro biases that are as likely as those found, x (29,): the axes share a housing.
+
+    The speed shows that of the pitch rate in every drive; those of roll and yaw look like a bank on
+    a straight road without a stop.
+    """
+    sd, P0 = max(LIKE_OTHERS * float(np.abs(x[GYRO_BIAS]).max()), GOOD_GYRO), P0.copy()
+    for axis in (State.GYRO_BIAS_X, State.GYRO_BIAS_Z):
+        P0[axis, axis] = min(P0[axis, axis], sd**2)
+    return P0
 
 
 def _is_wrong(scale: Floats) -> bool:

@@ -116,12 +116,12 @@ def build(drive: Drive, vehicle: Vehicle, source: SpeedSource, params: FusionPar
     shown = interpolated(source, time)
     still = _standstill(shown, point, alive)
     speed[still] = np.nan  # the standstill rows say it better
-    sway, at_most = np.zeros((n, len(Sway))), steady_band(ImuNoise.of(drive.native["imu"]))
+    sway, noise = np.zeros((n, len(Sway))), ImuNoise.of(drive.native["imu"])
     for run in runs(alive):
         felt = point[run].copy()
-        if params.smooth and at_most < STEP_RATE / 2:
+        if params.smooth and is_shaken(noise):
             for axis in range(2):
-                felt[:, axis] = gaussian(felt[:, axis], at_most, STEP_RATE)
+                felt[:, axis] = gaussian(felt[:, axis], steady_band(noise), STEP_RATE)
         sway[run] = _sway(felt, vehicle)
     start = np.full(n, -1, np.int64)
     for number, run in enumerate(runs(alive)):
@@ -156,6 +156,11 @@ def steady_band(noise: ImuNoise) -> float:
     """
     white = max(float(noise.accel[:2].max()), 1e-9)
     return max(SWAY_NOISE**2 / (2 * white**2), SLOWEST_SWAY)
+
+
+def is_shaken(noise: ImuNoise) -> bool:
+    """Whether so much of the force is noise that it has to be smoothed."""
+    return steady_band(noise) < STEP_RATE / 2
 
 
 def _sway(point: Floats, vehicle: Vehicle) -> Floats:

@@ -11,7 +11,7 @@ import numpy as np
 
 from roadlog.car.suspension import knows_springs, roll_gradient
 from roadlog.drive import runs
-from roadlog.estimators.fusion.inputs import Inputs
+from roadlog.estimators.fusion.inputs import Inputs, is_shaken
 from roadlog.estimators.fusion.states import ROWS
 from roadlog.estimators.fusion.steps import STEP_RATE, Steps
 from roadlog.filters.spectrum import welch
@@ -91,6 +91,7 @@ class Noise(NamedTuple):
     every: int  # steps between two uses of the road, axle and standstill rows
     gate: float  # sd, beyond which a residual loses weight
     still_gate: float  # sd, of the standing gyro
+    levers: float  # 1 where what the force tells may stand in derivatives; 0 of a shaken sensor
     scale: Floats  # (ROWS,) by which the sd of each row is larger than said above
 
     def record(self, dt: float) -> Record:
@@ -150,6 +151,7 @@ def noise_of(inputs: Inputs) -> Noise:
         every=round(INTERVAL / inputs.steps.dt),
         gate=params.gate,
         still_gate=STILL_GATE,
+        levers=float(not is_shaken(own)),
         scale=np.ones(ROWS),
     )
 

@@ -54,9 +54,9 @@ def row(kind: int, x: Floats, s: Record, noise: Record, h: Floats) -> tuple[floa
             + (noise.slip_gain * s.sway[Sway.TIRE] * x[S.U]) ** 2
             + (noise.slip_yaw * (s.rate_at[2] - x[S.GYRO_BIAS_Z])) ** 2
         )
-        return -_slip(x, s, h), sd * scale, noise.gate
+        return -_slip(x, s, noise.levers, h), sd * scale, noise.gate
     if kind == Row.CONTACT:
-        return -_contact(x, s.sway, h), noise.contact_sd * scale, noise.gate
+        return -_contact(x, s.sway, noise.levers, h), noise.contact_sd * scale, noise.gate
     if kind < Row.STILL_GYRO_X:
         axis = kind - Row.STILL_U
         h[S.U + axis] = 1.0
@@ -88,27 +88,30 @@ def _speed(x: Floats, s: Record, h: Floats) -> float:
 
 
 @compiled
-def _slip(x: Floats, s: Record, h: Floats) -> float:
+def _slip(x: Floats, s: Record, levers: float, h: Floats) -> float:
     """m/s, sideways velocity of the rear axle beyond that of a linear tire: 0.
 
-    No derivative to the body roll, whose lever w is noise; nor by what the force tells of u and w:
-    its noise is in v as well, and a lever times a residual with the same noise in it has a mean.
+    No derivative to the body roll, whose lever w is noise; nor, of a shaken sensor (levers 0), by
+    what the force tells of u and w: its noise is in v as well, and a lever times a residual with
+    the same noise in it has a mean.
     """
     r = s.rate_at[2] - x[S.GYRO_BIAS_Z]
     roll = x[S.MOUNTING_ROLL] + body_roll(x, s.sway)
     angle = x[S.MOUNTING_YAW] + x[S.SLIP_GRADIENT] * s.sway[Sway.TIRE]
-    h[S.V], h[S.U] = 1.0, x[S.MOUNTING_YAW]
+    h[S.V], h[S.W] = 1.0, -levers * roll
+    h[S.U] = x[S.MOUNTING_YAW] + levers * (angle - x[S.MOUNTING_YAW])
     h[S.GYRO_BIAS_Z], h[S.REAR_AXLE_X] = -x[S.REAR_AXLE_X], r
     h[S.MOUNTING_YAW], h[S.SLIP_GRADIENT] = x[S.U], s.sway[Sway.TIRE] * x[S.U]
     return x[S.V] + r * x[S.REAR_AXLE_X] - roll * x[S.W] + angle * x[S.U]
 
 
 @compiled
-def _contact(x: Floats, s: Floats, h: Floats) -> float:
+def _contact(x: Floats, s: Floats, levers: float, h: Floats) -> float:
     """m/s, velocity of the car out of the road: 0.
 
     No derivative to the body roll: its lever v is as small as what else moves a car sideways, and
-    would turn the mounting. The levers of u and v are the mounting's alone, as in `_slip`.
+    would turn the mounting. The levers of u and v are the mounting's alone where `levers` is 0,
+    as in `_slip`.
     """
     pitch = x[S.MOUNTING_PITCH] + body_pitch(x, s)
     roll = x[S.MOUNTING_ROLL] + body_roll(x, s)
@@ -116,7 +119,9 @@ def _contact(x: Floats, s: Floats, h: Floats) -> float:
     h[S.MOUNTING_PITCH] += 1.0
     for i in range(N):
         h[i] *= x[S.U]
-    h[S.W], h[S.V], h[S.U] = 1.0, x[S.MOUNTING_ROLL], x[S.MOUNTING_PITCH]
+    h[S.W] = 1.0
+    h[S.V] = x[S.MOUNTING_ROLL] + levers * (roll - x[S.MOUNTING_ROLL])
+    h[S.U] = x[S.MOUNTING_PITCH] + levers * (pitch - x[S.MOUNTING_PITCH])
     return x[S.W] + roll * x[S.V] + pitch * x[S.U]
 
 
