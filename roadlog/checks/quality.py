@@ -31,6 +31,7 @@ STOP = 3.0  # s that the car stands
 STANDING = 0.05  # m/s
 SETTLING = 1.0  # s at either end of a stop that a body rocks
 DRIFTED = {"accel": 0.12, "gyro": float(np.radians(0.12))}  # m/s2, rad/s from stop to stop
+SURE = 5.0  # standard errors of a stop's mean
 QUIET = {"accel": 0.5, "gyro": float(np.radians(2.0))}  # sd; somebody moves the sensor beyond it
 
 
@@ -110,11 +111,7 @@ def _vibrating(known: Mapping[str, Floats]) -> Iterator[Finding]:
 
 
 def _coarse(kind: str, known: Mapping[str, Floats]) -> Iterator[Finding]:
-    steps = {}
-    for role, x in known.items():
-        values = np.unique(x)
-        if len(values) > 2:
-            steps[role] = float(np.median(np.diff(values)))
+    steps = {role: _step(x) for role, x in known.items()}
     roles = [role for role, step in steps.items() if step > COARSE[kind]]
     if roles:
         step = max(steps.values())
@@ -168,11 +165,14 @@ def _drift(tables: Mapping[str, Table], table: Table) -> Iterator[Finding]:
             if abs(float(np.mean(means)) / G - 1) > NOT_GRAVITY:
                 continue  # another unit, or no gravity in it: said elsewhere
         change = np.ptp(means, axis=0)
+        least = np.maximum(DRIFTED[kind], _by_chance(x, quiet))
+        if kind == "accel":
+            least = least.max(keepdims=True)
         roles = [f"imu.{name}" for name in names]
         if kind == "gyro":
-            roles = [r for r, c in zip(roles, change, strict=True) if c > DRIFTED[kind]]
+            roles = [r for r, c, most in zip(roles, change, least, strict=True) if c > most]
         size = float(np.nanmax(change))
-        if size > DRIFTED[kind]:
+        if (change > least).any():
             by = f"{size:.2f} m/s2" if kind == "accel" else f"{np.degrees(size):.2f} deg/s"
             yield _fault(
                 "drift",
@@ -181,6 +181,19 @@ def _drift(tables: Mapping[str, Table], table: Table) -> Iterator[Finding]:
                 "its bias wanders, by its temperature for one: let it warm up before the drive",
                 size,
             )
+
+
+def _by_chance(x: Floats, stops: list[Floats]) -> Floats:
+    """(3,), by which the mean of x (3, n) over two stops differs at most without any drift."""
+    white = np.array([np.nanstd(part, axis=1) / np.sqrt(part.shape[1]) for part in stops])
+    most: Floats = SURE * np.sqrt(2) * white.max(axis=0)
+    return most + [_step(values[np.isfinite(values)]) for values in x]
+
+
+def _step(x: Floats) -> float:
+    """The usual difference between neighboring values of x; 0 where there are too few."""
+    values = np.unique(x)
+    return float(np.median(np.diff(values))) if len(values) > 2 else 0.0
 
 
 def _stops(tables: Mapping[str, Table], table: Table) -> Iterator[slice]:

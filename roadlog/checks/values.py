@@ -33,6 +33,7 @@ LIMITS: dict[str, tuple[float, float]] = {
 ISOLATED = 3.0  # an extreme this many ranges of the rest away, met again and again, is a code
 LATE_FIX = 10.0  # s after the start
 FROZEN = 5.0  # s that a noisy signal stays exactly the same
+LAST = 0.5  # s, of a slow sensor's last sample, that no run counts
 SINGLE = 1.5  # codes: steps that are mostly smaller are of one code
 LIVELY = 0.3  # share of steps that turn back: what noise does and a smooth signal does not
 MAX_RADIANS = 100.0  # of a course; more would be sixteen turns one way
@@ -152,7 +153,8 @@ def frozen(tables: Mapping[str, Table]) -> Checked:
             stuck = _stuck(values[known], seconds) & moving[known]
             if stuck.any() and _is_coarse(values[known]):
                 stuck &= whole[known]  # one code of a coarse sensor lasts; all six do not
-            if not stuck.any():
+            length = float(stuck.mean() * np.ptp(table.time) * 1e-9) if len(known) else 0.0
+            if length < FROZEN - LAST:  # the rest of a stop is none
                 if len(known) > 1 and np.ptp(values[known]) == 0:
                     found.append(
                         Finding(
@@ -167,7 +169,6 @@ def frozen(tables: Mapping[str, Table]) -> Checked:
             rows = known[stuck]
             columns[signal.field] = values.copy()
             columns[signal.field][rows] = np.nan
-            length = float(stuck.mean() * np.ptp(table.time) * 1e-9)
             found.append(
                 Finding(
                     "frozen",
