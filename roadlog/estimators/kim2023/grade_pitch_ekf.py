@@ -151,5 +151,6 @@ GRADE_PITCH_EKF = Estimator(
     gives=("grade", "pitch", "inclination"),
     reference="Nilsson 2016, by Kim 2023 (reconstructed); docs/methods/kim2023.md#grade-pitch-ekf",
     summary="grade and load pitch from specific force and dv/dt by an EKF; straight driving",
+    tilted=("inclination",),
     spoiled_by_vibration=True,
 )

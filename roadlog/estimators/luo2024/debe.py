@@ -139,6 +139,7 @@ DEBE = Estimator(
     run=debe,
     parameters=DebeParameters,
     needs=(NEEDS_TORQUE, ANY_SPEED),
+    helped=("imu", "steering"),
     gives=("grade",),
     reference="Luo 2024, eq. (37); docs/methods/luo2024.md#driving-equation",
     summary="driving equation: grade from wheel torque, brake torque and speed",

@@ -62,4 +62,5 @@ INCL_KINEMATIC = Estimator(
     reference="roadlog; docs/methods/massel2004.md#inclination",
     summary="inclination from acceleration minus dv/dt, sample by sample; straight driving",
     systematic_deg={"inclination": 0.5},
+    tilted=("inclination",),
 )

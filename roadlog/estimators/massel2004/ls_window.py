@@ -144,4 +144,5 @@ LS_WINDOW = Estimator(
     reference="Massel 2004, eqs. (6)-(15); docs/methods/massel2004.md#least-squares-window",
     summary="pitch and grade by sliding least squares; needs changing dv/dt and a smooth road",
     systematic_deg={"grade": 1.7, "pitch": 1.7, "inclination": 0.45},
+    tilted=("inclination",),
 )

@@ -85,4 +85,5 @@ PN = Estimator(
     reference="Massel 2004; docs/methods/massel2004.md#polynomial",
     summary="grade and pitch by a polynomial; needs large dv/dt, small grades and a smooth road",
     systematic_deg={"grade": 3.0, "pitch": 3.0, "inclination": 0.6},
+    tilted=("inclination",),
 )

@@ -143,4 +143,5 @@ RLS_FORGET = Estimator(
     reference="Massel 2004, eqs. (16)-(18); docs/methods/massel2004.md#recursive-least-squares",
     summary="pitch and grade by recursive least squares; needs changing dv/dt and a smooth road",
     systematic_deg={"inclination": 0.7},
+    tilted=("inclination",),
 )

@@ -183,4 +183,5 @@ TI = Estimator(
     reference="Massel 2004, eqs. (19)-(22); docs/methods/massel2004.md#trigonometric-identities",
     summary="grade and pitch by trigonometric identities; needs large dv/dt and a smooth road",
     systematic_deg={"grade": 4.5, "pitch": 4.5, "inclination": 0.45},
+    tilted=("inclination",),
 )

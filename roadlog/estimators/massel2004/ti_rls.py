@@ -101,4 +101,5 @@ TI_RLS = Estimator(
     reference="Massel 2004; docs/methods/massel2004.md#combination",
     summary="ti where dv/dt is large, rls_forget where it is small; needs a smooth road",
     systematic_deg={"grade": 2.7, "pitch": 2.7, "inclination": 0.6},
+    tilted=("inclination",),
 )

@@ -19,7 +19,13 @@ from roadlog.drive import Drive, runs
 from roadlog.estimate import Detail, Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
 from roadlog.estimators.ryu2004.split_qs import split
-from roadlog.estimators.ryu2004.total_roll import GNSS_GAP, INERTIAL_GAP, TotalRoll, total_roll
+from roadlog.estimators.ryu2004.total_roll import (
+    GNSS_GAP,
+    INERTIAL_GAP,
+    TWO_ANTENNAS,
+    TotalRoll,
+    total_roll,
+)
 from roadlog.filters import Engine
 from roadlog.filters.discretize import zero_order_hold
 from roadlog.filters.gaps import age, hold
@@ -289,6 +295,7 @@ ROLL_BANK_OBS = Estimator(
         "steering.road_wheel_angle",
         ANY_SPEED,
     ),
+    helped=TWO_ANTENNAS,
     gives=("bank", "roll", "roll_total"),
     reference="Ryu 2004, eqs. (17)-(24); docs/methods/ryu2004.md#observer",
     summary="disturbance observer: separates bank of the road and roll of the body",

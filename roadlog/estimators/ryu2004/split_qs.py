@@ -15,7 +15,7 @@ from roadlog.car.vehicle import Vehicle
 from roadlog.drive import Drive
 from roadlog.estimate import Estimate
 from roadlog.estimators.base import ANY_SPEED, Estimator, flag, parameter
-from roadlog.estimators.ryu2004.total_roll import GNSS_GAP, TotalRoll, total_roll
+from roadlog.estimators.ryu2004.total_roll import GNSS_GAP, TWO_ANTENNAS, TotalRoll, total_roll
 from roadlog.filters import Engine
 from roadlog.types import Floats
 
@@ -52,6 +52,7 @@ SPLIT_QS = Estimator(
     run=split_qs,
     parameters=SplitParameters,
     needs=("imu.accel_x", "imu.accel_y", "imu.gyro_x", "imu.gyro_y", "imu.gyro_z", ANY_SPEED),
+    helped=TWO_ANTENNAS,
     gives=("bank", "roll", "roll_total"),
     reference="Ryu 2004, eqs. (17) and (19) at rest; docs/methods/ryu2004.md#steady-split",
     summary="steady lean of the body: bank = total roll less what the side force explains",

@@ -26,6 +26,7 @@ from roadlog.types import Flags, Floats
 from roadlog.units import DEG
 from roadlog.units import STANDARD_GRAVITY as G
 
+TWO_ANTENNAS = ("gnss.heading", "gnss.roll", "gnss.speed", "gnss.course", "gnss.climb")
 HOLD_TIME = 0.2  # s, inertial signals are held this long
 INERTIAL_GAP = 0.3  # s, without inertial signals the filters stop
 GNSS_GAP = 2.0  # s, without GNSS the result is no longer valid
@@ -96,8 +97,7 @@ class TotalRoll:
 
 def has_two_antennas(drive: Drive) -> bool:
     """Whether a two-antenna receiver gave heading and roll."""
-    roles = ("gnss.heading", "gnss.roll", "gnss.speed", "gnss.course", "gnss.climb")
-    return all(role in drive for role in roles)
+    return all(role in drive for role in TWO_ANTENNAS)
 
 
 def total_roll(drive: Drive, vehicle: Vehicle, smooth: bool, engine: Engine) -> TotalRoll:

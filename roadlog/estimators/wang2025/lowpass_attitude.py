@@ -52,8 +52,10 @@ def lowpass_attitude(
     known = np.isfinite(raw)
     for run in runs(known):
         inclination[run] = _lowpass(raw[run], alpha, params.smooth, engine)
-        residual = (raw[run] - inclination[run]) ** 2
-        variance[run] = _lowpass(residual, alpha, params.smooth, engine)
+    residual = (raw - inclination) ** 2
+    usual = float(np.mean(residual[known])) if known.any() else 0.0  # at the beginning of a run
+    for run in runs(known):
+        variance[run] = _lowpass(residual[run], alpha, params.smooth, engine, usual)
     limit = round(params.hold_time * drive.rate)
     inclination, was_held = hold(inclination, limit)
     variance, _ = hold(variance, limit)
@@ -73,23 +75,26 @@ def lowpass_attitude(
     )
 
 
-def _lowpass(values: Floats, alpha: float, smooth: bool, engine: Engine) -> Floats:
-    """y += alpha (x - y), started at the first value; forward, then backward when smoothing."""
-    forward = _first_order(values, alpha, engine)
-    return _first_order(forward[::-1], alpha, engine)[::-1] if smooth else forward
+def _lowpass(
+    values: Floats, alpha: float, smooth: bool, engine: Engine, begin: float | None = None
+) -> Floats:
+    """y += alpha (x - y), from `begin` or the first value; then backward when smoothing."""
+    forward = _first_order(values, alpha, engine, begin)
+    return _first_order(forward[::-1], alpha, engine, begin)[::-1] if smooth else forward
 
 
-def _first_order(values: Floats, alpha: float, engine: Engine) -> Floats:
+def _first_order(values: Floats, alpha: float, engine: Engine, begin: float | None) -> Floats:
+    start = float(values[0]) if begin is None else begin
     if engine == "reference":
         from filterpy.memory import FadingMemoryFilter
 
-        memory = FadingMemoryFilter([values[0]], dt=1.0, order=0, beta=1 - alpha)
+        memory = FadingMemoryFilter([start], dt=1.0, order=0, beta=1 - alpha)
         result = np.empty(len(values))
         for k, value in enumerate(values):
             memory.update(value)
             result[k] = memory.x[0]
         return result
-    return exponential(values, alpha, values[0])
+    return exponential(values, alpha, start)
 
 
 LOWPASS_ATTITUDE = Estimator(
