@@ -26,3 +26,12 @@ def test_zero_phase_low_pass_follows_the_hill(hill_drive: Drive) -> None:
 
     assert rmse_deg(True) < 0.12
     assert rmse_deg(True) < 0.5 * rmse_deg(False)  # the causal one lags
+
+
+def test_the_beginning_is_as_uncertain_as_the_rest(hill_drive: Drive) -> None:
+    """A filter that begins with its first residual has none there."""
+    method = estimators.get("lowpass_attitude")
+    for smooth in (True, False):
+        params = method.configure({"smooth": smooth})
+        sd = method.run(hill_drive, Vehicle(), params, "compiled").inclination_sd
+        assert sd[0] > 0.5 * np.median(sd)

@@ -40,7 +40,18 @@ def test_a_bias_that_gravity_shows_is_in_the_sd() -> None:
     assert biased**2 - clean**2 == pytest.approx((0.2 / 9.80665) ** 2, rel=0.05)
 
 
-@pytest.mark.parametrize("name", ["kmbe", "ekf_suspension", "lowpass_attitude"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "kmbe",
+        "ekf_suspension",
+        "lowpass_attitude",
+        "incl_kinematic",
+        "pn",
+        "ti_rls",
+        "grade_pitch_ekf",
+    ],
+)
 def test_a_mounting_that_nobody_stated_is_in_the_sd(name: str) -> None:
     drive = standing(0.0)
     angle = estimators.get(name).tilted[0]
