@@ -51,7 +51,7 @@ def road_figure(
 ) -> Figure:
     """The figure itself, for notebooks.
 
-    truth: a road to draw beside it, by its stations. slope: deg or percent, of grade and bank.
+    truth: a road to draw beside it, place by place. slope: deg or percent, of grade and bank.
     """
     from matplotlib.figure import Figure
 
@@ -61,10 +61,12 @@ def road_figure(
     counted = "1 drive" if model.drives == 1 else f"{model.drives} drives"
     figure.suptitle(f"{model.name}: {model.length:.0f} m, {counted}, {ways}")
     in_percent = slope == "percent"
+    true = {} if truth is None else _beside(model, truth)
     unit = "%" if in_percent else "°"
     for own in passes:
         _drive(axes, model, own, in_percent)
     axes[0].plot([], [], color=DRIVE, lw=0.6, label="drives, turned into the road's axes")
+    axes[1].plot([], [], color=DRIVE, lw=0.6, label="drives, with their mountings' errors")
     axes[2].plot([], [], color=DRIVE, lw=0.6, label="receivers' altitudes")
     rows = (
         ("grade", *_shown(model.grade, model.grade_sd, in_percent), f"grade [{unit}]"),
@@ -77,8 +79,9 @@ def road_figure(
             label="±2 sd",
         )  # fmt: skip
         axis.plot(model.s, values, color=COLOR[name], lw=1.4, label=f"road ({name})")
-        if truth is not None:
-            _truth(axis, truth, name, in_percent)
+        if true:
+            there = true[name] if name == "elevation" else _shown(true[name], sd, in_percent)[0]
+            axis.plot(model.s, there, color="black", lw=0.8, ls="--", label="truth")
         if not np.isfinite(values).any():
             axis.text(0.5, 0.5, f"no estimate of the {name}", transform=axis.transAxes, ha="center")
         axis.set_ylabel(label)
@@ -86,8 +89,9 @@ def road_figure(
         axis.margins(x=0)
         axis.legend(loc="upper right", bbox_to_anchor=(1, 1.16), ncols=4, frameon=False, fontsize=8)
     turns = (degrees, percent) if in_percent else (percent, degrees)
-    other = axes[0].secondary_yaxis("right", functions=turns)
-    other.set_ylabel("grade [°]" if in_percent else "grade [%]")
+    for axis, name in zip(axes, ("grade", "bank"), strict=False):
+        other = axis.secondary_yaxis("right", functions=turns)
+        other.set_ylabel(f"{name} [°]" if in_percent else f"{name} [%]")
     axes[-1].set_xlabel("distance along the road [m]")
     return figure
 
@@ -112,10 +116,10 @@ def _drive(axes: Sequence[Axes], model: RoadModel, own: Pass, in_percent: bool) 
         axis.plot(station, np.insert(values, leaps, np.nan), color=DRIVE, lw=0.6, alpha=0.7)
 
 
-def _truth(axis: Axes, truth: RoadModel, name: str, in_percent: bool) -> None:
-    if name == "elevation":
-        values = truth.z
-    else:
-        slope = getattr(truth, name)
-        values = _shown(slope, slope, in_percent)[0]
-    axis.plot(truth.s, values, color="black", lw=0.8, ls="--", label="truth")
+def _beside(model: RoadModel, truth: RoadModel) -> dict[str, Floats]:
+    """What another road has at the model's places, turned its way: its stations run otherwise."""
+    fine = truth.refined(1.0)
+    x, y = fine.plane.forward(*model.positions)
+    station, _, turn = fine.locate(x, y, model.heading, REACH)
+    there, way = fine.at(station), np.sign(np.cos(turn))
+    return {"grade": there.grade * way, "bank": there.bank * way, "elevation": there.z}
