@@ -28,14 +28,14 @@ verbose = False
 
 def say(text: str) -> None:
     """A line of result."""
-    life.wipe()
-    sys.stdout.write("\n".join(map(_plain, text.split("\n"))) + "\n")
+    with life.aside():
+        sys.stdout.write("\n".join(map(_plain, text.split("\n"))) + "\n")
 
 
 def complain(text: str) -> None:
     """A line of diagnostics."""
-    life.wipe()
-    sys.stderr.write(f"roadlog: {_plain(text)}\n")
+    with life.aside():
+        sys.stderr.write(f"roadlog: {_plain(text)}\n")
 
 
 def show_warning(message: Warning | str, *_: object, **__: object) -> None:
@@ -128,8 +128,8 @@ def print_table(
         table.add_column(column, justify=side, no_wrap=column not in texts, overflow="fold")
     for row in cells:
         table.add_row(*map(Text, row))
-    life.wipe()
-    console.print(table)
+    with life.aside():
+        console.print(table)
     if hidden:
         say(f"(a wider terminal shows {', '.join(hidden)} too)")
 

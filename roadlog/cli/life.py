@@ -52,18 +52,21 @@ class StatusLine:
         full = BAR * self.done // self.total
         return f"[{'#' * full}{'-' * (BAR - full)}] {self.done} of {self.total} "
 
-    def wipe(self) -> None:
-        """Take it off the screen; something else is to be said."""
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Take it off the screen in the block; something else is said there."""
         with self._lock:
             if self._drawn:
                 sys.stderr.write(f"\r{' ' * self._drawn}\r")
                 sys.stderr.flush()
                 self._drawn = 0
+            yield
 
     def end(self) -> None:
         """It does not come back."""
         self._over.set()
-        self.wipe()
+        with self.held():
+            pass
         self._thread.join()
 
 
@@ -92,10 +95,14 @@ def rest() -> None:
         line.end()
 
 
-def wipe() -> None:
-    """Take the line off the screen until it is drawn anew."""
-    if _line is not None:
-        _line.wipe()
+@contextmanager
+def aside() -> Iterator[None]:
+    """Keep the line off the screen in the block, which says something else."""
+    if _line is None:
+        yield
+        return
+    with _line.held():
+        yield
 
 
 @contextmanager

@@ -103,7 +103,7 @@ def report(
         made = _worked(paths, work, _workers(jobs, cluster), resume, out, force, finished)
     else:
         made = _made_again(out, force, finished)
-    _end(made, out, slope)
+    _end(made, out, slope, one_file)
 
 
 def _made_again(out: str, force: bool, finished: Callable[..., Report]) -> Report:
@@ -235,19 +235,21 @@ class Progress:
             )
 
 
-def _end(made: Report, out: str, slope: str) -> None:
+def _end(made: Report, out: str, slope: str, one_file: bool) -> None:
     """Say what came of it; exit code 1 when worse than before, 3 when logs failed."""
-    from roadlog.report.page import ranking
+    from roadlog.report.page import INDEX, ONE_FILE, ranking
 
     _print_ranking(ranking(made.rows, slope), slope)
     counts = {
         status: sum(row["status"] == status for row in made.rows)
         for status in ("ok", "failed", "crashed")
     }
+    in_part = sum(row["status"] == "ok" and bool(row["losses"]) for row in made.rows)
+    said = {"ok": f" ({in_part} read in part)" if in_part else ""}
     before = f", {made.done_before} of them done before" if made.done_before else ""
     console.say(
         f"{console.plural(len(made.rows), 'log')}{before}: "
-        + ", ".join(f"{count} {status}" for status, count in counts.items())
+        + ", ".join(f"{count} {status}{said.get(status, '')}" for status, count in counts.items())
     )
     if made.profile.models:
         console.say(
@@ -259,7 +261,8 @@ def _end(made: Report, out: str, slope: str) -> None:
             f"warning: the roads leave out {console.plural(made.profile.left_out, 'drive')}: "
             f"more than memory holds"
         )
-    console.say(f"{out.rstrip('/')}/index.html")
+    for page in (INDEX, ONE_FILE) if one_file else (INDEX,):
+        console.say(f"{out.rstrip('/')}/{page}")
     losses = [
         f"{row['log']}: {row['message'] if row['status'] != 'ok' else loss}"
         for row in made.rows

@@ -69,7 +69,8 @@ def get(name: str) -> Estimator:
     added = plugins.installed(ENTRY_POINTS, Estimator)
     if name in added:
         return added[name]
-    raise ConfigError(f"no estimator '{name}'. {near(name, [*TABLE, *added])}")
+    hint = "Name none to run all that can" if name == "all" else near(name, [*TABLE, *added])
+    raise ConfigError(f"no estimator '{name}'. {hint}")
 
 
 def all_estimators() -> list[Estimator]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import shlex
 import signal
@@ -12,6 +13,8 @@ from pathlib import Path
 
 import pytest
 from support.drives import PLAIN, ROOT
+
+from roadlog.cli import life
 
 pty = pytest.importorskip("pty", reason="no pseudo-terminals on this system")
 
@@ -98,8 +101,27 @@ def test_the_next_step_stands_last(
 ) -> None:
     _, seen, code = first_sign(command, tmp_path, b"nothing that is said")
     assert code == 0
-    last = seen.decode().rstrip().splitlines()[-1].split("\r")[-1]
+    last = seen.decode().rpartition("\r\n")[0].split("\n")[-1].split("\r")[-1]  # not what moved
     assert last == f"roadlog: next: {shlex.join(['roadlog', *map(str, following)])}"
+
+
+def test_the_line_stays_away_while_something_else_is_said(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """However long that takes: it stood before the title of the table that followed."""
+    screen = io.StringIO()
+    monkeypatch.setattr(screen, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stderr", screen)
+    with life.shown("evaluate"):
+        time.sleep(3 * life.TICK)
+        with life.aside():
+            before = screen.getvalue()
+            time.sleep(3 * life.TICK)
+            assert screen.getvalue() == before
+        time.sleep(3 * life.TICK)
+    assert before.split("\r")[-1] == screen.getvalue().split("\r")[-1] == ""
+    assert screen.getvalue().startswith("\r| evaluate 0:00")
+    assert len(screen.getvalue()) > len(before)
 
 
 def test_nothing_moves_where_nobody_looks(tmp_path: Path) -> None:

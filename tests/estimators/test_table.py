@@ -47,6 +47,11 @@ def test_without_a_drive_nothing_runs() -> None:
     assert set(refused) == set(estimators.TABLE)
 
 
+def test_all_is_what_no_name_runs() -> None:
+    with pytest.raises(ConfigError, match=r"no estimator 'all'\. Name none to run all that can"):
+        estimators.get("all")
+
+
 def test_an_unknown_name_is_an_error() -> None:
     with pytest.raises(ConfigError, match="no estimator 'tire'"):
         estimators.get("tire")

@@ -184,6 +184,22 @@ def test_names_need_not_be_unicode(drive: Path, tmp_path: Path) -> None:
     assert "caf?" in (tmp_path / "r" / "index.html").read_text("utf-8")
 
 
+def test_a_log_that_is_cut_is_counted_as_read_in_part(
+    roadlog: Run, drive: Path, tmp_path: Path
+) -> None:
+    logs, whole = tmp_path / "logs", drive.read_bytes()
+    logs.mkdir()
+    (logs / "whole.mcap").write_bytes(whole)
+    (logs / "cut.mcap").write_bytes(whole[: 3 * len(whole) // 4])
+    words = ["report", logs, "-o", tmp_path / "r", "-e", "kmbe", "--jobs", "1", "--one-file"]
+    done = roadlog(*words)
+    assert done.returncode == 3
+    assert "2 logs: 2 ok (1 read in part), 0 failed, 0 crashed" in done.stdout
+    pages = [line for line in done.stdout.splitlines() if line.endswith(".html")]
+    assert [Path(page).name for page in pages] == ["index.html", "report.html"]
+    assert all(Path(page).is_file() for page in pages)
+
+
 def test_command_compares_with_an_earlier_report(roadlog: Run, logs: Path, tmp_path: Path) -> None:
     old, new = tmp_path / "old", tmp_path / "new"
     done = roadlog("report", logs, "-o", old, "-e", "kmbe", "--jobs", "1")
