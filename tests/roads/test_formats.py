@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -148,7 +149,7 @@ def test_geojson_and_gpx(road: RoadModel, tmp_path: Path) -> None:
 GEO = "+proj=tmerc +lat_0=47 +lon_0=11 +k=1 +x_0=0 +y_0=0 +ellps=WGS84"
 XODR = """<?xml version="1.0"?><OpenDRIVE><header revMajor="1" revMinor="4">
 <geoReference><![CDATA[{geo}]]></geoReference>
-</header><road id="1" length="100"><planView>{plan}</planView>
+</header><road id="1" length="{length}"><planView>{plan}</planView>
 <elevationProfile>{elevation}</elevationProfile><lateralProfile>{lateral}</lateralProfile>
 <userData code="roadlog" value="">{user}</userData></road>{more}</OpenDRIVE>"""
 LINE = '<geometry s="0" x="0" y="0" hdg="0" length="100"><line/></geometry>'
@@ -164,6 +165,8 @@ def xodr(tmp_path: Path, **parts: str) -> Path:
         "geo": GEO,
         "user": "",
     } | parts
+    pieces = re.findall(r'length="([\d.]+)"', parts["plan"])
+    parts.setdefault("length", str(sum(float(piece) for piece in pieces)))
     path = tmp_path / "other.xodr"
     path.write_text(XODR.format(**parts))
     return path
@@ -238,6 +241,33 @@ def test_a_bank_that_begins_late_is_none_before(tmp_path: Path) -> None:
     road = formats.read(xodr(tmp_path, lateral=lateral))
     np.testing.assert_allclose(road.bank[road.s < 40], 0.0)
     np.testing.assert_allclose(road.bank[road.s >= 40], 0.03 + 0.001 * (road.s[road.s >= 40] - 40))
+
+
+def test_lanes_beside_the_line_are_said(tmp_path: Path) -> None:
+    path = xodr(tmp_path)
+    aside = '<lanes><laneOffset s="0" a="3.5" b="0" c="0" d="0"/></lanes></road>'
+    path.write_text(path.read_text().replace("</road>", aside))
+    assert "<laneOffset> is not read" in " ".join(formats.read(path).notes)
+
+
+def test_a_spiral_between_equal_curvatures_is_an_arc(tmp_path: Path) -> None:
+    """Other readers divide by the difference."""
+    shapes = ('<arc curvature="0.02"/>', '<spiral curvStart="0.02" curvEnd="0.02"/>')
+    arc, spiral = (formats.read(xodr(tmp_path, plan=LINE.replace("<line/>", s))) for s in shapes)
+    np.testing.assert_allclose([spiral.x, spiral.y], [arc.x, arc.y], atol=1e-9)
+
+
+def test_a_crg_whose_line_misses_its_end_is_refused(road: RoadModel, tmp_path: Path, capfd) -> None:
+    """Sections 1.1 m apart where the header says so, written for 1 m: pycrg only prints it."""
+    pytest.importorskip("pycrg")
+    path = tmp_path / "road.crg"
+    formats.write(road, path)
+    step = rb"(?i)(reference_line_increment *= *)1\.0+"
+    path.write_bytes(re.sub(step, rb"\g<1>1.1000000000000000", path.read_bytes()))
+    with pytest.raises(LogReadError, match=r"road\.crg: ") as caught:
+        formats.read(path)
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr().err == ""
 
 
 def test_names_in_a_namespace(tmp_path: Path) -> None:
@@ -379,6 +409,8 @@ BAD = {
         {"user": '<point s="9" z_sd="1"/><point s="2" z_sd="1"/>'},
         "s does not ascend",
     ),
+    "cut plan": ({"length": "140"}, "<planView>: ends at s = 100 m, but <road> length = 140 m"),
+    "endless": ({"length": "inf"}, "<road> length = 'inf'"),
     "gibberish": ({"geo": "somewhere nice"}, "is no projection"),
 }
 

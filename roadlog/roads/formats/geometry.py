@@ -13,6 +13,7 @@ from roadlog.types import Floats
 SPIRAL_STEP = 0.05  # m, of the quadrature along a clothoid (trapezoidal; 1e-8 m over 100 m)
 MAX_ROAD = 1e6  # m; a longer road is an error of the file, not a road
 JUMP = 0.5  # m, that a record may begin beside the end of the one before
+SHORT_SHARE = 0.01  # of a road's stated length, that its records may be off, and a meter
 GAP = 0.1  # m between the end of a record and the beginning of the next
 
 
@@ -65,6 +66,11 @@ def line_of(road: ET.Element, where: str, step: float) -> ReferenceLine:
                 )
             parts[-1] = tuple(column[:-1] for column in parts[-1])  # type: ignore[assignment]
         parts.append((start + at, xs, ys, heading + turn))
+    stated = number(where, road, "length") if "length" in road.attrib else end
+    if not abs(stated - end) <= max(1.0, SHORT_SHARE * end):
+        raise LogReadError(
+            f"{where}: <planView>: ends at s = {end:g} m, but <road> length = {stated:g} m"
+        )
     if not parts:
         raise LogReadError(f"{where}: <planView>: its geometries have no length")
     s, x_all, y_all, headings = (np.concatenate(column) for column in zip(*parts, strict=True))

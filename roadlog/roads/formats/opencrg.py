@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
@@ -16,6 +18,7 @@ from roadlog.types import Floats
 STEP = 1.0  # m between cross sections: 7 mm of the line and 0.002 deg of bank off, 321 kB for 10 km
 LEAST_STEP = 1.0  # m between the points that are read
 HALF_WIDTH = 4.0  # m to each side
+AMISS = ("integration error", "inconsistent")  # what pycrg only warns of
 INSIDE = 0.9  # of the smallest radius: the grid may not reach a bend's center
 
 
@@ -85,16 +88,23 @@ def read(path: Path) -> RoadModel:
     origin. Grids finer than LEAST_STEP are averaged over it: what a tire rolls over is no slope.
     """
     pycrg = _pycrg()
+    told: list[str] = []
     try:
-        with pycrg.DataSet.open(str(path), apply_modifiers=False) as data:
-            grid, header = data.grid(), data.header
-        if header.modifiers is not None:
-            with pycrg.DataSet.open(str(path)) as data:
-                grid = data.grid()
+        with _warnings_into(pycrg, told):
+            with pycrg.DataSet.open(str(path), apply_modifiers=False) as data:
+                grid, header = data.grid(), data.header
+            if header.modifiers is not None:
+                with pycrg.DataSet.open(str(path)) as data:
+                    grid = data.grid()
     except (pycrg.OpenCRGError, ValueError, OSError) as error:
         why = str(error).replace(f"Failed to load CRG file: '{path}'", "").strip(" ()")
         why = why.replace(str(path), path.name)
         raise LogReadError(f"{path}: not read as OpenCRG: {why}") from error
+    if any(word in " ".join(told) for word in AMISS):
+        why = " ".join(" ".join(dict.fromkeys(told)).split())
+        raise LogReadError(
+            f"{path}: reference line: headings or slopes do not lead to the header's end: {why}"
+        )
     if len(grid.u) < 3:
         raise LogReadError(f"{path}: a grid of {len(grid.u)} cross sections is no road")
     u, x, y, z, across = _coarsened(np.stack([grid.u, grid.x, grid.y, *_middle(path, grid)]))
@@ -111,6 +121,21 @@ def read(path: Path) -> RoadModel:
         path.stem, place or SOMEWHERE, x, y, z, grade=grade, bank=bank, heading=heading, s=s,
         placed=place is not None,
     )  # fmt: skip
+
+
+@contextmanager
+def _warnings_into(pycrg: ModuleType, told: list[str]) -> Iterator[None]:
+    """Collect what the library warns of; it would print it."""
+
+    def listen(level: int, text: str) -> None:
+        if level <= pycrg.MSG_LEVEL_WARN:
+            told.append(text)
+
+    pycrg.set_message_callback(listen)
+    try:
+        yield
+    finally:
+        pycrg.clear_message_callback()
 
 
 def _coarsened(columns: Floats) -> Floats:

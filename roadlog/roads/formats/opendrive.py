@@ -172,7 +172,8 @@ def read(path: Path) -> RoadModel:
     place = georeference.placed(path, root, line, z)
     return road_of(
         path.stem, place.origin, place.x, place.y, place.z, grade=np.arctan(slope), bank=bank,
-        heading=place.heading, s=line.s, notes=(*notes, *_left_out(road)), placed=place.is_known,
+        heading=place.heading, s=line.s, placed=place.is_known,
+        notes=(*notes, *_left_out(path, road)),
         **_user_data(path, road, line.s),
     )  # fmt: skip
 
@@ -258,9 +259,17 @@ def _user_data(path: Path, road: ET.Element, s: Floats) -> dict[str, Floats]:
     return {}
 
 
-def _left_out(road: ET.Element) -> tuple[str, ...]:
-    return tuple(
+def _left_out(path: Path, road: ET.Element) -> tuple[str, ...]:
+    surface = tuple(
         f"<{name}> is not read: the surface beside the line is finer than a bank"
         for name in ("shape", "crossSectionSurface")
         if road.find(f"lateralProfile/{name}") is not None
     )
+    shifts = (
+        number(str(path), record, key)
+        for record in road.iterfind("lanes/laneOffset")
+        for key in ("a", "b", "c", "d")
+    )
+    if not any(shifts):
+        return surface
+    return (*surface, "<laneOffset> is not read: the road is its reference line, not a lane")
