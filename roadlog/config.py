@@ -32,7 +32,8 @@ FLAGS = ("true", "false", "t", "f", "yes", "no", "y", "n", "on", "off", "1", "0"
 
 @dataclass(frozen=True)
 class Option:
-    """An option that a command has. name: without dashes. is_path: names a file."""
+    """An option that a command has. name: without dashes. is_path: names a file. least: of a
+    number that it takes, None for any."""
 
     name: str
     is_path: bool = False
@@ -40,6 +41,7 @@ class Option:
     is_flag: bool = False
     is_number: bool = False
     is_integer: bool = False
+    least: float | None = None
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,10 @@ def _default(path: Path, command: str, option: Option, value: Any, key: str) -> 
     number = int if option.is_integer else (int, float)
     wanted = bool if option.is_flag else number if option.is_number else str
     if (isinstance(value, list) and not option.is_list) or not all(
-        isinstance(v, wanted) and (option.is_flag or not isinstance(v, bool)) for v in values
+        isinstance(v, wanted)
+        and (option.is_flag or not isinstance(v, bool))
+        and not _is_less(v, option)
+        for v in values
     ):
         raise ConfigError(f"{_said(str(path), key, value)}: must be {_kind(option)}")
     if option.is_path:
@@ -147,8 +152,13 @@ def _kind(option: Option) -> str:
     if option.is_flag:
         return "true or false"
     if option.is_number:
-        return "an integer" if option.is_integer else "a number"
+        kind = "an integer" if option.is_integer else "a number"
+        return kind if option.least is None else f"{kind}, at least {option.least:g}"
     return "a text"
+
+
+def _is_less(value: Any, option: Option) -> bool:
+    return option.is_number and option.least is not None and value < option.least
 
 
 def _placed(folder: Path, name: str) -> str:
@@ -185,7 +195,7 @@ def _fits(text: str, option: Option) -> bool:
         return text.lower() in FLAGS
     if option.is_number:
         try:
-            int(text) if option.is_integer else float(text)
+            return not _is_less(int(text) if option.is_integer else float(text), option)
         except ValueError:
             return False
     return True

@@ -128,6 +128,7 @@ def _name(parameter: Any) -> str:
 def _option(parameter: Any, function: Any) -> Option:
     """What an option takes, by the annotation of the function's parameter."""
     hint = get_type_hints(function)[parameter.name]
+    noted = get_args(get_type_hints(function, include_extras=True)[parameter.name])
     hints = [h for h in get_args(hint) if h is not type(None)]
     kinds = {Path, int, float, bool} & {hint, *hints, *(i for h in hints for i in get_args(h))}
     return Option(
@@ -137,6 +138,7 @@ def _option(parameter: Any, function: Any) -> Option:
         is_flag=bool in kinds,
         is_number=bool({int, float} & kinds),
         is_integer=int in kinds and float not in kinds,
+        least=next((m.min for m in noted if getattr(m, "min", None) is not None), None),
     )
 
 

@@ -389,5 +389,5 @@ def _notes(
                 f"{np.degrees(grade.constants_sd[k]):.2f} deg off, taken out"
             )
     if np.isnan(bank.value).all():
-        notes.append("no estimate of the bank: the road has none")
+        notes.append("no drive has an estimate of the bank, so the road has none")
     return tuple(notes)

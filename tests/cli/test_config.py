@@ -105,9 +105,23 @@ def test_variables_of_the_wrong_type(
     assert home.is_dir()
 
 
+@pytest.mark.parametrize("jobs", ["0", "-1", "2.5", "two"])
+def test_a_number_that_is_too_small_is_refused_by_config_too(
+    roadlog, tmp_path: Path, jobs: str
+) -> None:
+    quoted = f'"{jobs}"' if jobs == "two" else jobs
+    (tmp_path / "roadlog.toml").write_text(f"jobs = {quoted}")
+    run = roadlog("config")
+    assert run.returncode == 1
+    assert run.stderr.endswith("must be an integer, at least 1\n")
+    assert len(run.stderr.splitlines()) == 1
+    (tmp_path / "roadlog.toml").write_text("jobs = 1")
+    assert "--jobs  1" in roadlog("config").stdout
+
+
 REFUSED = {  # only the command knows what is wrong with it
-    "jobs = 0": ("jobs = 0", r"greater than or equal to 1|x>=1"),  # by the version of typer
-    "[estimate]\njobs = 2.5": ("[estimate] jobs = 2.5", "integer"),
+    "jobs = 0": ("jobs = 0", "must be an integer, at least 1$"),
+    "[estimate]\njobs = 2.5": ("[estimate] jobs = 2.5", "must be an integer, at least 1$"),
     "rate = nan": ("rate = nan", "between 1 and 2000 Hz"),
     "clock = 'foo'": ("clock = 'foo'", "log, publish or header"),
     "estimator = ['kmbee']": ("estimator = ['kmbee']", "Close: kmbe"),
