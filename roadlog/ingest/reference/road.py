@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roadlog.errors import LogReadError
+from roadlog.drive import Drive
+from roadlog.errors import LogReadError, RoadlogError
 from roadlog.ingest.reference import gnss
 from roadlog.roads.model import RoadModel, beside, car_axes
+from roadlog.roads.way import way_of
 from roadlog.signals import SECTIONS
 from roadlog.storage import Table
 from roadlog.types import Floats, Stamps
@@ -18,6 +20,7 @@ FAR = 20.0  # m; a fix further from the line is on another road
 ALONG = 1.0  # m/s; slower, two fixes do not tell the direction of travel
 LONGEST_STEP = 3.0  # s between fixes; no course across a longer gap
 POSITION_SD = 1.0  # m along the road, of a fix: slopes that change sharply are known less
+HELD_SD = 0.55  # m, the same of one that is held to gyro and wheels
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,13 @@ def from_road(model: RoadModel, tables: Sequence[Table]) -> Table:
             f"reference_line_start_lat and _lon in .crg), so no drive can be laid on it"
         )
     fixes = fixes_of(tables, model.name)
+    found = _laid(model, fixes, POSITION_SD)
+    held = _held(fixes, tables, found)
+    return found if held is None else _laid(model, held, HELD_SD)
+
+
+def _laid(model: RoadModel, fixes: DriveFixes, position_sd: float) -> Table:
+    """The angles at places known to position_sd m. Raises LogReadError with none on the road."""
     x, y = model.plane.forward(fixes.latitude, fixes.longitude)
     station, offset, turn = model.locate(x, y, fixes.heading, FAR)
     known = np.isfinite(station)
@@ -56,9 +66,35 @@ def from_road(model: RoadModel, tables: Sequence[Table]) -> Table:
     sds = []
     for name in ("grade", "bank"):
         change = np.nan_to_num(np.gradient(getattr(model, name), model.s))
-        moved = POSITION_SD * np.interp(station, model.s, change)
+        moved = position_sd * np.interp(station, model.s, change)
         sds.append(np.hypot(getattr(there, f"{name}_sd"), moved))
     return gnss.table(fixes.time[known], grade, sds[0], bank, sds[1])
+
+
+def _held(fixes: DriveFixes, tables: Sequence[Table], found: Table) -> DriveFixes | None:
+    """The fixes on the drive's way (docs/roads.md#way), also at rest; None without speed or gyro.
+
+    found: the angles by the fixes as they are, for the slope that the accelerometer feels.
+    """
+    known = np.isfinite(found.columns["grade"])
+    try:
+        drive = Drive.from_tables(tables)
+    except RoadlogError:
+        return None
+    if not (drive.has_speed and "imu.gyro_z" in drive and known.any()):
+        return None
+    seconds = (found.time[known] - drive.start_ns) * 1e-9
+    slope = np.interp(drive.time, seconds, found.columns["grade"][known])
+    way = way_of(drive, slope, slope, (0.0, 0.0, 0.0))
+    if way is None:
+        return None
+    at: Floats = np.multiply(fixes.time - drive.start_ns, 1e-9)
+    near = way.near(at)
+    if not near.any():
+        return None
+    x, y, heading = (np.interp(at[near], drive.time, v) for v in (way.x, way.y, way.heading))
+    latitude, longitude = way.plane.inverse(x, y)
+    return DriveFixes(fixes.time[near], latitude, longitude, heading, fixes.altitude[near])
 
 
 def fixes_of(tables: Sequence[Table], road: str) -> DriveFixes:
