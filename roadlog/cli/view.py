@@ -64,6 +64,8 @@ def view(
     viewer.check_version()
     if connect is not None:
         viewer.check_listening(connect)
+    elif not web and png is None and save is None:
+        viewer.check_display()
     road = _road(logs)
     if road is not None:
         with output(save, logs, force=force), scratch() as folder:
@@ -163,7 +165,9 @@ def _show(
     from roadlog import files
     from roadlog.view import viewer
 
-    is_ours = web or png is not None  # a window loads its recording when we are gone
+    is_ours = (
+        web or png is not None or connect is not None
+    )  # a window loads its recording when we are gone
     path = save or (folder / "drive.rrd" if is_ours else viewer.recording_path())
     if save is not None or connect is None:
         shown.write(path)

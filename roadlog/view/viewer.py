@@ -56,16 +56,19 @@ def recording_path() -> Path:
     return Path(tempfile.mkdtemp(prefix="roadlog-view-")) / "drive.rrd"
 
 
-def open_window(path: Path) -> None:
-    """Start the native viewer on a recording. Raises RoadlogError when there is no display."""
+def check_display() -> None:
+    """Raise RoadlogError when there is none to open a window on."""
     if sys.platform.startswith("linux") and not (
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     ):
         raise RoadlogError(
-            f"no display to open a window on (DISPLAY and WAYLAND_DISPLAY are not set); use "
-            f"--web, --png DIR, or --save F.rrd and open that elsewhere with `rerun F.rrd`. "
-            f"The recording is {path}"
+            "no display to open a window on (DISPLAY and WAYLAND_DISPLAY are not set); use "
+            "--web, --png DIR, or --save F.rrd and open that elsewhere with `rerun F.rrd`"
         )
+
+
+def open_window(path: Path) -> None:
+    """Start the native viewer on a recording."""
     subprocess.Popen([_executable(), str(path)], start_new_session=True, env=_environment())
 
 

@@ -141,6 +141,7 @@ PAGES: dict[str, Callable[[], None]] = {
 def test_commands_of_a_page(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     # there is no display to open Rerun's window on
+    monkeypatch.setattr("roadlog.view.viewer.check_display", lambda: None)
     monkeypatch.setattr("roadlog.view.viewer.open_window", lambda _path: None)
     PAGES[page]()
     ran = 0

@@ -182,13 +182,17 @@ def test_connect_says_what_is_wrong_with_an_address(url: str, said: str) -> None
         viewer.check_listening(url)
 
 
-def test_no_display(log: DriveLog, monkeypatch: pytest.MonkeyPatch, roadlog: Run) -> None:
+def test_no_display(
+    log: DriveLog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, roadlog: Run
+) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     if not sys.platform.startswith("linux"):
         pytest.skip("a display is looked for on Linux only")
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
     run = roadlog("view", log.path)
     assert run.returncode == 1
+    assert list(tmp_path.glob("roadlog-view-*")) == []  # where one has been is private
     assert "no display to open a window on" in run.stderr
     assert "use --web, --png DIR, or --save F.rrd" in run.stderr
 
