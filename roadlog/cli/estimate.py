@@ -223,7 +223,8 @@ def _estimate_log(path: Path, work: Work) -> tuple[dict[str, Any], list[str]]:
             summaries[made.name] = _summary(made, drive)
             yield made
         if not summaries:
-            raise EstimatorError(f"{path}: {_none_can(refused, work.names)}")
+            behind = "what is missing may lie behind the damage: " if log.losses else ""
+            raise EstimatorError(f"{path}: {behind}{_none_can(refused, work.names)}")
 
     log.write(
         estimates(),

@@ -80,5 +80,6 @@ class Lazy(TyperGroup):
             defined = _defined(name)
             is_group = isinstance(defined, typer.Typer)
             text = defined.info.help if is_group else inspect.getdoc(defined)
-            listed[name] = TyperCommand(name, help=text)
+            first = " ".join((text or "").partition("\n\n")[0].split())
+            listed[name] = TyperCommand(name, short_help=first)  # whole, where help would be cut
         TyperGroup(commands=listed).format_commands(ctx, formatter)

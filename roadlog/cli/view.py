@@ -64,8 +64,6 @@ def view(
     viewer.check_version()
     if connect is not None:
         viewer.check_listening(connect)
-    elif not web and png is None and save is None:
-        viewer.check_display()
     road = _road(logs)
     if road is not None:
         with output(save, logs, force=force), scratch() as folder:
@@ -168,6 +166,8 @@ def _show(
     is_ours = (
         web or png is not None or connect is not None
     )  # a window loads its recording when we are gone
+    if save is None and not is_ours:
+        viewer.check_display()
     path = save or (folder / "drive.rrd" if is_ours else viewer.recording_path())
     if save is not None or connect is None:
         shown.write(path)

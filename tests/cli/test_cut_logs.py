@@ -40,6 +40,17 @@ def test_the_damage_is_said_first(words: list[str], code: int, cut: Path, roadlo
     assert sum("it is damaged" in line for line in said) == 1
 
 
+def test_signals_behind_the_cut_may_be_what_lacks(tmp_path: Path, roadlog: Run) -> None:
+    path = tmp_path / "cut.mcap"
+    create(path, hill_tables(240.0)[:1])  # an IMU alone
+    for part, said in ((1.0, "no estimator"), (0.7, "what is missing may lie behind the damage")):
+        data = path.read_bytes()
+        path.write_bytes(data[: int(len(data) * part)])
+        done = roadlog("estimate", path, "-e", "kmbe")
+        assert done.returncode == 1
+        assert done.stderr.splitlines()[-1].startswith(f"roadlog: {path}: {said}")
+
+
 def test_estimates_behind_the_cut_are_not_called_never_made(tmp_path: Path, roadlog: Run) -> None:
     path = tmp_path / "cut.mcap"
     create(path, hill_tables(60.0))

@@ -220,6 +220,13 @@ def test_every_command_has_help_with_an_example(roadlog: Run, command: str) -> N
     assert "Example: roadlog" in done.stdout
 
 
+def test_no_sentence_of_the_help_is_cut(roadlog: Run) -> None:
+    done = roadlog("--help")
+    assert done.returncode == 0
+    assert "..." not in done.stdout.partition("Commands:")[2]
+    assert "what looks wrong, and which estimators can run." in " ".join(done.stdout.split())
+
+
 def test_comma2k19_minute(roadlog: Run, shared: Path, tmp_path: Path) -> None:
     """Public drive: grade RMSE 0.20 deg smoothed, 0.46 deg causal, offset removed."""
     log = tmp_path / "comma.mcap"
