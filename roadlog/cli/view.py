@@ -163,9 +163,8 @@ def _show(
     from roadlog import files
     from roadlog.view import viewer
 
-    is_ours = (
-        web or png is not None or connect is not None
-    )  # a window loads its recording when we are gone
+    # a window loads its recording when we are gone
+    is_ours = web or png is not None or connect is not None
     if save is None and not is_ours:
         viewer.check_display()
     path = save or (folder / "drive.rrd" if is_ours else viewer.recording_path())

@@ -71,6 +71,11 @@ def test_from_the_file_to_angles(tmp_path: Path, roadlog: Run, name: str) -> Non
     seconds = grade.time_ns * 1e-9
     since = seconds - (EPOCH if seconds[0] > 1e8 else 32400 if seconds[0] > 1e4 else 0)
     error = np.degrees(grade.grade - DRIVE.grade(since))
-    moving = grade.valid & (since > 25) & (since < 110)
+    moving = (since > 25) & (since < 110)
+    if slow:  # its angles are written, but may not be used
+        assert "imu: comes every 0.5 s only" in done.stderr
+        assert not grade.valid.any()
+    else:
+        moving &= grade.valid
     assert moving.sum() > 40
     assert np.sqrt(np.mean(error[moving] ** 2)) < (2.5 if name.startswith("torque") else 1.0)
