@@ -258,7 +258,7 @@ def test_a_spiral_between_equal_curvatures_is_an_arc(tmp_path: Path) -> None:
 
 
 def test_a_crg_whose_line_misses_its_end_is_refused(road: RoadModel, tmp_path: Path, capfd) -> None:
-    """Sections 1.1 m apart where the header says so, written for 1 m: pycrg only prints it."""
+    """Written for 1 m between cross sections, and the header says a tenth more: pycrg prints it."""
     pytest.importorskip("pycrg")
     path = tmp_path / "road.crg"
     formats.write(road, path)
