@@ -31,8 +31,9 @@ def check(tables: Mapping[str, Table], vehicle: Vehicle | None = None) -> list[F
     impossible, tables = beyond(tables)
     found += impossible
     invalid, tables = values.invalid(tables)
+    leaps, tables = values.leaps(tables)
     frozen, tables = values.frozen(tables)
-    found += invalid + frozen
+    found += invalid + leaps + frozen
     if GNSS_TOPIC not in jumped:
         found += fixes.fixes(tables)
     if IMU_TOPIC not in jumped:

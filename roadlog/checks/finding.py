@@ -46,16 +46,17 @@ class Finding:
     at: float | None = None
     value: float | None = None
 
-    def spoils(self, roles: Collection[str]) -> bool:
+    def spoils(self, roles: Collection[str], also: Collection[str] = ()) -> bool:
         """Whether who uses these roles as they are gets wrong angles from them.
 
+        also: further checks that spoil these angles.
         Of two clocks that differ, only who uses both; of one that drifts, who uses it beside any
         other, because none says which of the two it is; of all else, who uses any.
         """
         if self.check == "speeds_disagree":
             wrong = self.value is not None and not 1 / MAX_SCALE < self.value < MAX_SCALE
             return wrong and any(_meets(signal, roles) for signal in self.signals)
-        if self.check not in SPOILING:
+        if self.check not in SPOILING and self.check not in also:
             return False
         sections = {_section(signal) for signal in self.signals}
         used = {_section(role) for role in roles}

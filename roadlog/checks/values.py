@@ -13,9 +13,9 @@ import numpy as np
 
 from roadlog.checks.finding import Finding, Level
 from roadlog.drive import runs
-from roadlog.signals import GNSS_TOPIC, IMU_TOPIC, SECTIONS, SIGNALS, Section
+from roadlog.signals import GNSS_TOPIC, IMU_TOPIC, SECTIONS, SIGNALS, WHEELS, Section
 from roadlog.storage import Table
-from roadlog.types import Bools, Floats, Stamps
+from roadlog.types import Bools, Floats, Indices, Stamps
 
 CHECKED = ("imu", "wheel_speeds", "speed", "steering", "gnss", "barometer")
 
@@ -33,9 +33,13 @@ LIMITS: dict[str, tuple[float, float]] = {
 ISOLATED = 3.0  # an extreme this many ranges of the rest away, met again and again, is a code
 LATE_FIX = 10.0  # s after the start
 FROZEN = 5.0  # s that a noisy signal stays exactly the same
+SPEEDS = frozenset({"speed.v", "gnss.speed", *(f"wheel_speeds.{w}" for w in WHEELS)})
+LEAP, LEAP_RATE = 3.0, 50.0  # m/s, m/s2: a wheel that locks or spins goes with 100, but not back
+CODE = 1.0  # s that one code of a coarse speed may last
 LAST = 0.5  # s, of a slow sensor's last sample, that no run counts
 SINGLE = 1.5  # codes: steps that are mostly smaller are of one code
-LIVELY = 0.3  # share of steps that turn back: what noise does and a smooth signal does not
+# share of steps that turn back: what noise does and a smooth signal does not; a speed's less often
+LIVELY, LIVELY_SPEED = 0.3, 0.1
 MAX_RADIANS = 100.0  # of a course; more would be sixteen turns one way
 ROLLING = 1.0  # m/s
 MAX_APART = 60.0  # s between two channels that should overlap
@@ -134,55 +138,105 @@ def invalid(tables: Mapping[str, Table]) -> Checked:
 
 
 def frozen(tables: Mapping[str, Table]) -> Checked:
-    """Inertial signals that stay exactly the same for seconds, between times when they do not."""
+    """Signals of IMU and speeds that stay exactly the same for seconds, where they else do not."""
     found: list[Finding] = []
     clean = dict(tables)
     for section, table in inputs(tables):
-        if section.name != "imu":
-            continue
+        if (np.diff(table.time) < 0).any():
+            continue  # how long anything lasts is not known there, and clocks are told first
         moving = _moving(tables, table.time)
         columns = dict(table.columns)
-        fields = [signal.field for signal in section.signals]
-        whole = _repeating(table, fields)
+        whole = _repeating(table, [signal.field for signal in section.signals])
+        hung: dict[str, tuple[Indices, float]] = {}
         for signal in section.signals:
             values = _known_column(table, signal.field)
-            if values is None:
+            if values is None or not (section.name == "imu" or signal.role in SPEEDS):
                 continue
             known = np.flatnonzero(np.isfinite(values))
             seconds: Floats = np.multiply(table.time[known], 1e-9)
-            stuck = _stuck(values[known], seconds) & moving[known]
-            if stuck.any() and _is_coarse(values[known]):
+            lively = LIVELY_SPEED if signal.role in SPEEDS else LIVELY
+            stuck = _stuck(values[known], seconds, lively) & moving[known]
+            if stuck.any() and signal.role in SPEEDS:
+                # a cruise holds one code of a coarse speed, for one second and for ten
+                stuck &= not _lasting(values[known], seconds, moving[known])
+            elif stuck.any() and _is_coarse(values[known]):
                 stuck &= whole[known]  # one code of a coarse sensor lasts; all six do not
             length = float(stuck.mean() * np.ptp(table.time) * 1e-9) if len(known) else 0.0
-            if length < FROZEN - LAST:  # the rest of a stop is none
-                if len(known) > 1 and np.ptp(values[known]) == 0:
-                    found.append(
-                        Finding(
-                            "constant",
-                            "note",
-                            (signal.role,),
-                            f"is {values[known[0]]:g} throughout",
-                            "the sensor does not measure it, or the profile maps a dead channel",
-                        )
-                    )
-                continue
-            rows = known[stuck]
-            columns[signal.field] = values.copy()
-            columns[signal.field][rows] = np.nan
-            found.append(
-                Finding(
-                    "frozen",
-                    "fault",
-                    (signal.role,),
-                    f"stays at exactly {values[rows[0]]:g} {signal.unit} for {length:.1f} s",
-                    "the sensor or its gateway hung: leave that part out, or mark it invalid in "
-                    "the profile",
-                    _seconds(tables, int(table.time[rows[0]])),
-                    length,
-                )
-            )
+            if length >= FROZEN - LAST:  # the rest of a stop is none
+                hung[signal.role] = known[stuck], length
+                columns[signal.field] = values.copy()
+                columns[signal.field][known[stuck]] = np.nan
+            elif section.name == "imu" and len(known) > 1 and np.ptp(values[known]) == 0:
+                text = f"is {values[known[0]]:g} throughout"
+                advice = "the sensor does not measure it, or the profile maps a dead channel"
+                found.append(Finding("constant", "note", (signal.role,), text, advice))
+        if hung:
+            found.append(_hung(tables, table, hung))
         clean[section.topic] = dataclasses.replace(table, columns=columns)
     return found, clean
+
+
+def _hung(
+    tables: Mapping[str, Table], table: Table, hung: Mapping[str, tuple[Indices, float]]
+) -> Finding:
+    """One finding for the signals of a section. hung: role -> rows, s."""
+    first = min(int(rows[0]) for rows, _ in hung.values())
+    length = max(length for _, length in hung.values())
+    if len(hung) == 1:
+        signal = SIGNALS[next(iter(hung))]
+        stay = f"stays at exactly {table.columns[signal.field][first]:g} {signal.unit}"
+    else:
+        stay = "stay exactly as they are"
+    advice = (
+        "the sensor or its gateway hung: leave that part out, or mark it invalid in the profile"
+    )
+    at = _seconds(tables, int(table.time[first]))
+    return Finding("frozen", "fault", tuple(hung), f"{stay} for {length:.1f} s", advice, at, length)
+
+
+def leaps(tables: Mapping[str, Table]) -> Checked:
+    """Speeds of which single samples lie where no car gets and returns from in that time."""
+    found: list[Finding] = []
+    clean = dict(tables)
+    for section, table in inputs(tables):
+        columns = dict(table.columns)
+        leapt: dict[str, tuple[Indices, float]] = {}
+        for signal in section.signals:
+            values = _known_column(table, signal.field) if signal.role in SPEEDS else None
+            if values is None:
+                continue
+            known = np.flatnonzero(np.isfinite(values))
+            rows, size = _leaps(values[known], np.multiply(table.time[known], 1e-9))
+            if len(rows):
+                leapt[signal.role] = known[rows], size
+                columns[signal.field] = values.copy()
+                columns[signal.field][known[rows]] = np.nan
+        if leapt:
+            first = min(int(rows[0]) for rows, _ in leapt.values())
+            count = max(len(rows) for rows, _ in leapt.values())
+            size = max(size for _, size in leapt.values())
+            verb = "leaps" if len(leapt) == 1 else "leap"
+            times = "once" if count == 1 else f"{count} times"
+            text = f"{verb} by up to {size:.1f} m/s for one sample and back, {times}"
+            advice = "bit errors, or a code for invalid: mark these samples invalid in the profile"
+            at = _seconds(tables, int(table.time[first]))
+            found.append(Finding("leaps", "fault", tuple(leapt), text, advice, at, float(count)))
+        clean[section.topic] = dataclasses.replace(table, columns=columns)
+    return found, clean
+
+
+def _leaps(values: Floats, seconds: Floats) -> tuple[Indices, float]:
+    """Samples further from both neighbours than a car gets, to one side; m/s of the largest."""
+    if len(values) < 3:
+        return np.empty(0, np.intp), 0.0
+    before, after = values[1:-1] - values[:-2], values[1:-1] - values[2:]
+    step = np.diff(seconds)
+    may = np.where(step > 0, LEAP + LEAP_RATE * step, np.inf)
+    away = (before * after > 0) & (np.abs(before) > may[:-1]) & (np.abs(after) > may[1:])
+    beside = np.concatenate([[False], away, [False]])
+    away &= ~(beside[:-2] | beside[2:])  # two channels in one leap at every sample
+    rows = np.flatnonzero(away) + 1
+    return rows, float(np.abs(before[away]).max()) if len(rows) else 0.0
 
 
 def in_degrees(tables: Mapping[str, Table]) -> tuple[frozenset[str], dict[str, Table]]:
@@ -264,8 +318,11 @@ def _kind(role: str) -> str:
     return field.split("_")[0] if section == "imu" else section
 
 
-def _stuck(values: Floats, seconds: Floats) -> Bools:
-    """Samples in runs of one exact value of FROZEN s or more, where the rest is noisy."""
+def _stuck(values: Floats, seconds: Floats, lively: float) -> Bools:
+    """Samples in runs of one exact value of FROZEN s or more, where the rest is noisy.
+
+    lively: share of steps that turn back, at least, of what is noisy.
+    """
     if len(values) < 3:
         return np.zeros(len(values), np.bool_)
     edges = np.flatnonzero(np.diff(values) != 0) + 1
@@ -273,9 +330,17 @@ def _stuck(values: Floats, seconds: Floats) -> Bools:
     result = np.repeat(seconds[ends - 1] - seconds[starts] >= FROZEN, ends - starts)
     steps = np.diff(values[~result])
     steps = steps[steps != 0]
-    if len(steps) < 10 or np.mean(steps[1:] * steps[:-1] < 0) < LIVELY:
+    if len(steps) < 10 or np.mean(steps[1:] * steps[:-1] < 0) < lively:
         return np.zeros(len(values), np.bool_)
     return result
+
+
+def _lasting(values: Floats, seconds: Floats, moving: Bools) -> bool:
+    """Whether values stay the same for CODE s and more on the move also outside of longer runs."""
+    edges = np.flatnonzero(np.diff(values) != 0) + 1
+    starts, ends = np.r_[0, edges], np.r_[edges, len(values)]
+    length = seconds[ends - 1] - seconds[starts]
+    return bool(((length >= CODE) & (length < FROZEN) & moving[starts]).any())
 
 
 def _repeating(table: Table, fields: list[str]) -> Bools:

@@ -45,7 +45,8 @@ class Estimator:
     offset, its mounting, the body's motion), added in quadrature;
     docs/methods/common.md#systematic-standard-deviations. tilted: angles that a bias or the
     mounting of the IMU shifts as a whole: by what the stops and the vehicle file say of them.
-    spoiled_by_vibration: whether a vibrating IMU makes its angles wrong by more than its sd says.
+    spoiled_by: checks of what makes its angles wrong by more than its sd says, beside those that
+    spoil everybody's.
     reference: the paper, and where its equations stand.
     """
 
@@ -61,7 +62,7 @@ class Estimator:
     helped: tuple[str, ...] = ()
     systematic_deg: Mapping[str, float] = field(default_factory=dict)
     tilted: tuple[str, ...] = ()
-    spoiled_by_vibration: bool = False
+    spoiled_by: frozenset[str] = frozenset()
 
     def missing(self, drive: Drive | None) -> list[str]:
         """The needs that the drive does not meet; all of them where there is no drive."""
@@ -85,11 +86,7 @@ class Estimator:
     def doubted(self, estimate: Estimate, drive: Drive, faults: Collection[Finding]) -> Estimate:
         """The estimate, nowhere valid if a fault of what it used makes its angles wrong."""
         roles = self.used(drive)
-        spoiling = [
-            fault
-            for fault in faults
-            if fault.spoils(roles) or (self.spoiled_by_vibration and fault.check == "vibration")
-        ]
+        spoiling = [fault for fault in faults if fault.spoils(roles, self.spoiled_by)]
         if not spoiling:
             return estimate
         n = len(estimate.time)

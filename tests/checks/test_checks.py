@@ -139,6 +139,14 @@ FAULTS = {
     "stamps": (repeated, "clock_backward", ["/imu"], "stamp"),
     "frozen": (rows_set("/imu", ["gyro_y"], slice(9000, 10500), None), "frozen",
                ["imu.gyro_y"], "leave that part out"),
+    "hung wheels": (rows_set("/wheel_speeds", WHEELS, slice(5000, 6000), None), "frozen",
+                    [f"wheel_speeds.{wheel}" for wheel in WHEELS], "leave that part out"),
+    "hung speed": (rows_set("/speed", ["v"], slice(5000, 6000), None), "frozen",
+                   ["speed.v"], "leave that part out"),
+    "leap": (rows_set("/wheel_speeds", ["rl"], slice(5000, 5001), 50.0), "leaps",
+             ["wheel_speeds.rl"], "mark these samples invalid"),
+    "dropouts": (rows_set("/speed", ["v"], slice(4000, 8000, 500), 0.0), "leaps",
+                 ["speed.v"], "mark these samples invalid"),
     "invalid": (rows_set("/imu", ACCEL, slice(8000, 8005), -64.0), "invalid_values",
                 ["imu.accel_x", "imu.accel_y", "imu.accel_z"], "valid ="),
     "no fix": (
@@ -173,6 +181,16 @@ def test_faults_at_once_are_told_apart(drive):
 @pytest.mark.parametrize("topic", ["/imu", "/wheel_speeds", "/gnss", "/speed"])
 def test_a_single_channel_passes(drive, topic):
     assert checks.check({topic: drive[topic]}) == []
+
+
+def test_what_a_right_speed_may_do_is_no_fault(drive):
+    # whole km/h twice a second, which last in a cruise, and a wheel that locks for a moment
+    speed = drive["/speed"]
+    slow = slice(None, None, 50)
+    coarse = np.round(speed.columns["v"][slow] * 3.6) / 3.6
+    table = dataclasses.replace(speed, time=speed.time[slow], columns={"v": coarse})
+    assert checks.check({**drive, "/speed": table}) == []
+    assert checks.check(rows_set("/wheel_speeds", ["fl"], slice(5000, 5010), 0.0)(drive)) == []
 
 
 def test_a_right_drive_passes(drive):

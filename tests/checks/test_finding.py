@@ -28,3 +28,10 @@ IMU, WHEELS, FIX = "imu.accel_x", "wheel_speeds.rl", "gnss.altitude"
 )
 def test_who_is_spoilt(found: Finding, roles: set[str], spoilt: bool) -> None:
     assert found.spoils(roles) == spoilt
+
+
+def test_only_some_are_spoilt_by_what_passes() -> None:
+    hung = fault("frozen", WHEELS)
+    assert not hung.spoils({WHEELS})
+    assert hung.spoils({WHEELS, IMU}, also={"frozen"})
+    assert not hung.spoils({IMU}, also={"frozen"})

@@ -29,10 +29,13 @@ REAL_FAULTS = [(g, f) for g, f in GROUP_FAULTS if (g, f.name) != ("imu", "remove
 
 # who does not recover in time: the load pitch that grade_pitch_ekf learns from a wrong sensor walks
 # by 1e-9 rad^2/s only (Nilsson's tuning), and imu_roll integrates spikes of the gyro; what they
-# took from there stays for minutes
+# took from there stays for minutes. fusion's constants take 0.12 deg from a speed that hangs, of
+# which its sd of 1.3 deg knows
 LASTING = {
     ("imu", "frozen for 10 s"): {"grade_pitch_ekf"},
     ("imu", "spikes of 50 for 10 s"): {"grade_pitch_ekf", "imu_roll"},
+    ("speed", "frozen for 10 s"): {"grade_pitch_ekf", "fusion"},
+    ("speed", "spikes of 50 for 10 s"): {"grade_pitch_ekf"},
 }
 
 

@@ -152,5 +152,5 @@ GRADE_PITCH_EKF = Estimator(
     reference="Nilsson 2016, by Kim 2023 (reconstructed); docs/methods/kim2023.md#grade-pitch-ekf",
     summary="grade and load pitch from specific force and dv/dt by an EKF; straight driving",
     tilted=("inclination",),
-    spoiled_by_vibration=True,
+    spoiled_by=frozenset({"vibration", "frozen", "leaps"}),
 )

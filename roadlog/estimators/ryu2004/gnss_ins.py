@@ -84,5 +84,5 @@ IMU_ROLL = Estimator(
     summary="total roll from the IMU and the speed, for logs without two antennas",
     vehicle=("pitch_gradient", "roll_gradient", "rear_cornering_stiffness"),
     systematic_deg={"roll_total": 0.15},
-    spoiled_by_vibration=True,
+    spoiled_by=frozenset({"vibration"}),
 )

@@ -312,5 +312,5 @@ ROLL_BANK_OBS = Estimator(
         "rear_cornering_stiffness",
     ),
     systematic_deg={"roll": 0.05},
-    spoiled_by_vibration=True,
+    spoiled_by=frozenset({"vibration"}),
 )

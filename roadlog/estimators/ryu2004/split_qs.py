@@ -58,5 +58,5 @@ SPLIT_QS = Estimator(
     summary="steady lean of the body: bank = total roll less what the side force explains",
     vehicle=("roll_gradient",),
     systematic_deg={"bank": 0.04, "roll": 0.06},
-    spoiled_by_vibration=True,
+    spoiled_by=frozenset({"vibration"}),
 )

@@ -183,5 +183,5 @@ EKF_SUSPENSION = Estimator(
     vehicle=("mass", "cg_height", "pitch_gradient", "pitch_inertia", "drag_area"),
     systematic_deg={"grade": 0.4, "pitch": 0.08, "inclination": 0.4},
     tilted=("grade", "inclination"),
-    spoiled_by_vibration=True,
+    spoiled_by=frozenset({"vibration"}),
 )
