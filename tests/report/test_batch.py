@@ -101,8 +101,8 @@ def test_killed_interrupted_and_resumed(start: Start, tmp_path: Path) -> None:
     stopped.send_signal(signal.SIGINT)
     _, errors = stopped.communicate(timeout=DEADLINE)
     assert stopped.returncode == 130
-    (line,) = errors.strip().splitlines()
-    assert "of 40 logs are done; --resume goes on" in line
+    assert len(errors.strip().splitlines()) == 1, errors
+    assert "of 40 logs are done; --resume goes on" in errors
     second = (report / "rows.jsonl").read_bytes()
     assert second.startswith(first)
 
